@@ -9,7 +9,7 @@ by `servo_physics`; `VirtualPorts` serves it on pseudo-terminals.
 
 - `devices` is the firmware: control tables in memory, servos and the board that execute
   instructions, and the chain that orders their replies. No clock, thread or physics.
-  `devices.quirks` holds the choices that the manual leaves open.
+  `Quirks` holds the choices that the manual leaves open.
 - `serving` is the serial port: bytes in, instructions to the devices, replies out, either in real
   time (every byte takes as long as on a wire) or in lock-step with the client. It also injects
   faults, on demand or from a schedule file.

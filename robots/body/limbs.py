@@ -16,80 +16,6 @@ from robots.robot import Robot
 SHORT = 0.02  # m; joints nearer to each other than this are one, such as those of an ankle
 
 
-class _LimbFinder:
-    def __init__(self, robot: Robot, view: JointView) -> None:
-        self._robot, self._view = robot, view
-        self._soles = [view.model.site(name).id for name in robot.sole_sites]
-
-    def list_limbs(self) -> list[tuple[float, Limb]]:
-        """List the limbs, each with its distance to the left [m]."""
-        parts = find_robot_parts(self._robot, self._view.model)
-        found = [("leg", link) for _, link in parts.legs]
-        found += [("arm", link) for _, link in parts.arms]
-        return [limb for kind, link in found if (limb := self._describe(kind, link)) is not None]
-
-    def _describe(self, kind: str, first: Link) -> tuple[float, Limb] | None:
-        """Describe a limb; None if it has no joint that bends it in its middle."""
-        chain = self._list_chain(first)
-        places = {joint: k for k, joint in enumerate(self._view.ids)}  # of those with servos
-        joints = [places[joint] for link in chain for joint in link.joints if joint in places]
-        if len(joints) < 2:
-            return None
-        anchors = {k: self._view.anchor(k).copy() for k in joints}
-        sites = {site for link in chain for site in link.sites}
-        sole = next(s for s in self._soles if s in sites) if kind == "leg" else None
-        # The end of a limb: its sole, or the end of what its last joint moves.
-        tip = self._view.end(joints[-1]) if sole is None else self._view.data.site_xpos[sole]
-        tip = tip.copy()
-        bending = self._list_bending(joints)
-        start, middle = self._find_bends(joints, bending, anchors, tip)
-        below = [k for k in bending if joints.index(k) > joints.index(middle)]
-        ends = [k for k in below if np.linalg.norm(anchors[k] - anchors[middle]) > SHORT]
-        aside = float(anchors[joints[0]][1] + tip[1])
-        limb = Limb(
-            name=f"{'left' if aside > 0.0 else 'right'}_{kind}",  # type: ignore[arg-type]
-            joints=tuple(joints),
-            start=start,
-            middle=middle,
-            end=ends[0] if ends else None,
-            sole=sole,
-        )
-        return aside, limb
-
-    def _find_bends(
-        self, joints: list[int], bending: list[int], anchors: dict[int, Array], tip: Array
-    ) -> tuple[int, int]:
-        """Find where the upper part begins, and where it ends: farthest from both ends."""
-        first = anchors[joints[0]]
-        middle = max(
-            bending,
-            key=lambda k: min(np.linalg.norm(anchors[k] - first), np.linalg.norm(anchors[k] - tip)),
-        )
-        above = joints[: joints.index(middle)]
-        bends = [k for k in above if not self._view.twists(k, anchors[middle] - anchors[k])]
-        return (bends[-1] if bends else above[0]), middle
-
-    def _list_bending(self, joints: list[int]) -> list[int]:
-        """List the joints after the first that do more than twist the limb at 0; or else all."""
-        robot, view = self._robot, self._view
-        view.look(np.clip(0.0, robot.lower, robot.upper))
-        tip = view.end(joints[-1])
-        bending = [k for k in joints[1:] if not view.twists(k, tip - view.anchor(k))]
-        view.look(robot.standing.joint_pos)
-        return bending or joints[1:]
-
-    def _list_chain(self, first: Link) -> list[Link]:
-        """List the links along a limb: to its sole, or else to its longest end."""
-        chain = [first]
-        while chain[-1].children:
-            chain.append(max(chain[-1].children, key=self._rank))
-        return chain
-
-    def _rank(self, link: Link) -> tuple[bool, int]:
-        below = list(link.walk())
-        return any(set(self._soles) & set(part.sites) for part in below), len(below)
-
-
 PARALLEL = np.cos(np.radians(30.0))
 OVER_SOLES = 0.35  # leg lengths by which the mass may be beside the soles of a crouching robot
 
@@ -105,8 +31,9 @@ class Limbs(JointView):
         view = JointView.of(robot)
         super().__init__(view.model, view.ids, robot.passive_joints)
         self.robot = robot
+        self._soles = [self.model.site(name).id for name in robot.sole_sites]
         self.look(robot.standing.joint_pos)
-        found = sorted(_LimbFinder(robot, self).list_limbs(), key=lambda each: abs(each[0]))
+        found = sorted(self._list_limbs(), key=lambda each: abs(each[0]))
         self.all: dict[LimbName, Limb] = {limb.name: limb for _, limb in found}
         """Limbs by name, the outermost on each side; a robot may lack arms."""
         if not set(LEGS) <= self.all.keys():
@@ -184,6 +111,76 @@ class Limbs(JointView):
         axes = np.mean([leg.sole_axes for leg in legs], axis=0)
         way = (self.center_of_mass - middle) / self.thigh_and_shank
         return float(way @ axes[:, 0]), float(way @ axes[:, 2])
+
+    # Finding them -------------------------------------------------------------------------------
+
+    def _list_limbs(self) -> list[tuple[float, Limb]]:
+        """List the limbs, each with its distance to the left [m]."""
+        parts = find_robot_parts(self.robot, self.model)
+        found = [("leg", link) for _, link in parts.legs]
+        found += [("arm", link) for _, link in parts.arms]
+        return [limb for kind, link in found if (limb := self._describe(kind, link)) is not None]
+
+    def _describe(self, kind: str, first: Link) -> tuple[float, Limb] | None:
+        """Describe a limb; None if it has no joint that bends it in its middle."""
+        chain = self._list_chain(first)
+        places = {joint: k for k, joint in enumerate(self.ids)}  # of those with servos
+        joints = [places[joint] for link in chain for joint in link.joints if joint in places]
+        if len(joints) < 2:
+            return None
+        anchors = {k: self.anchor(k).copy() for k in joints}
+        sites = {site for link in chain for site in link.sites}
+        sole = next(s for s in self._soles if s in sites) if kind == "leg" else None
+        # The end of a limb: its sole, or the end of what its last joint moves.
+        tip = self.end(joints[-1]) if sole is None else self.data.site_xpos[sole]
+        tip = tip.copy()
+        bending = self._list_bending(joints)
+        start, middle = self._find_bends(joints, bending, anchors, tip)
+        below = [k for k in bending if joints.index(k) > joints.index(middle)]
+        ends = [k for k in below if np.linalg.norm(anchors[k] - anchors[middle]) > SHORT]
+        aside = float(anchors[joints[0]][1] + tip[1])
+        limb = Limb(
+            name=f"{'left' if aside > 0.0 else 'right'}_{kind}",  # type: ignore[arg-type]
+            joints=tuple(joints),
+            start=start,
+            middle=middle,
+            end=ends[0] if ends else None,
+            sole=sole,
+        )
+        return aside, limb
+
+    def _find_bends(
+        self, joints: list[int], bending: list[int], anchors: dict[int, Array], tip: Array
+    ) -> tuple[int, int]:
+        """Find where the upper part begins, and where it ends: farthest from both ends."""
+        first = anchors[joints[0]]
+        middle = max(
+            bending,
+            key=lambda k: min(np.linalg.norm(anchors[k] - first), np.linalg.norm(anchors[k] - tip)),
+        )
+        above = joints[: joints.index(middle)]
+        bends = [k for k in above if not self.twists(k, anchors[middle] - anchors[k])]
+        return (bends[-1] if bends else above[0]), middle
+
+    def _list_bending(self, joints: list[int]) -> list[int]:
+        """List the joints after the first that do more than twist the limb at 0; or else all."""
+        robot = self.robot
+        self.look(np.clip(0.0, robot.lower, robot.upper))
+        tip = self.end(joints[-1])
+        bending = [k for k in joints[1:] if not self.twists(k, tip - self.anchor(k))]
+        self.look(robot.standing.joint_pos)
+        return bending or joints[1:]
+
+    def _list_chain(self, first: Link) -> list[Link]:
+        """List the links along a limb: to its sole, or else to its longest end."""
+        chain = [first]
+        while chain[-1].children:
+            chain.append(max(chain[-1].children, key=self._rank))
+        return chain
+
+    def _rank(self, link: Link) -> tuple[bool, int]:
+        below = list(link.walk())
+        return any(set(self._soles) & set(part.sites) for part in below), len(below)
 
 
 def unit(vector: Array) -> Array:

@@ -259,6 +259,3 @@ class UartRegisters:
         self._buffer, self._count, self.is_busy = b"", count, True
         self._give_up_at = time.monotonic() + REPLY_TIME
         self._link.send(frame)
-
-
-RegisterLink = I2cRegisters | UartRegisters

@@ -6,12 +6,12 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from drivers.dynamixel.control_table import ControlTable
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.device import Quirks, VirtualDevice
 from drivers.virtual_bus.devices.sensors import Measured
-from robots.servo import ServoModel
+from robots.description.servo_catalog import servo_models
 
 # Of the stall current, that a servo sustains, and s of the overload model: the manual mentions a
 # persistent load above the maximum output. At full stall a cold servo trips after about that time.
@@ -42,25 +42,33 @@ class MotorServo(VirtualDevice, ABC):
     passing = HardwareError.VOLTAGE  # though the manual names a reboot alone
     """Errors that go with their cause."""
 
+    usual: tuple[str, int, int]
+    """Type, firmware and baud rate [bit/s] where none are given."""
+
     def __init__(
         self,
-        table: ControlTable,
         servo_id: int,
-        firmware: int,
-        baud: int,
-        quirks: Quirks,
-        figures: ServoModel,
-        stall_current: float | None,
+        model: str | None = None,
+        *,
+        firmware: int | None = None,
+        baud: int | None = None,
+        quirks: Quirks | None = None,
+        stall_current: float | None = None,
     ) -> None:
-        """Build a servo of a type; the stall current [A] is that of its type if None is given."""
-        super().__init__(table, servo_id, firmware, baud, quirks)
-        self._stall_current = figures.stall_current if stall_current is None else stall_current
+        """Build a servo of a type at factory defaults, its horn in the middle of its positions."""
+        model = model or self.usual[0]
+        firmware = self.usual[1] if firmware is None else firmware
+        self._figures, table = servo_models()[model], table_named(model, firmware)
+        super().__init__(table, servo_id, firmware, baud or self.usual[2], quirks or Quirks())
+        self._stall_current = stall_current or self._figures.stall_current
         self._heat = 0.0  # of the winding, as a share of that at stall
         self._at_tick = table["realtime_tick"].address if "realtime_tick" in table else None
         self._boot_start, self._is_shut_down = 0.0, False
         self.late = 0.0
         """Time by which its physics, and so its own clock, is behind that of the bus [s]."""
         self._motor_command: MotorCommand | None = None
+        self._connect()
+        self._restart()
 
     def motor_command(self) -> MotorCommand:
         """Return the present command to the motor."""
@@ -135,6 +143,10 @@ class MotorServo(VirtualDevice, ABC):
         self._release()
 
     # For subclasses ----------------------------------------------------------------------
+
+    @abstractmethod
+    def _connect(self) -> None:
+        """Add what its registers do, when it is built."""
 
     @abstractmethod
     def _release(self) -> None:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 
-from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.goal_ranges import SLOPES, STIFFEST, full_scale, has_slope
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
 from drivers.state import HardwareError
-from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
 from drivers.virtual_bus.devices.registers import clamp
 from drivers.virtual_bus.devices.sensors import Measured
-from robots.description.servo_catalog import servo_models
 
 MOST_LOAD = 1000  # counts of a load, which is a share in thousandths
 
@@ -26,19 +23,10 @@ class PlainServo(MotorServo):
 
     passing = HardwareError.VOLTAGE | HardwareError.OVERHEATING
 
-    def __init__(
-        self,
-        servo_id: int,
-        model: str = "AX-12A",
-        *,
-        firmware: int = 24,
-        baud: int = 1_000_000,
-        quirks: Quirks | None = None,
-        stall_current: float | None = None,
-    ) -> None:
-        """Build a servo of a type at factory defaults, its horn in the middle of its positions."""
-        table, figures, quirks = table_named(model), servo_models()[model], quirks or Quirks()
-        super().__init__(table, servo_id, firmware, baud, quirks, figures, stall_current)
+    usual = "AX-12A", 24, 1_000_000
+
+    def _connect(self) -> None:
+        table, figures = self.table, self._figures
         self._last_tick, self._rad_per_tick = figures.last_tick, figures.rad_per_tick
         self._full_scale = full_scale(table)
         self._kept = bytes(self.registers.memory)
@@ -55,7 +43,6 @@ class PlainServo(MotorServo):
             "goal_position": self._take_goal,
             "goal_pwm": self._limit_torque,
         }
-        self._restart()
 
     # For bus and physics ------------------------------------------------------------------------
 

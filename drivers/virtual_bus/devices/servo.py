@@ -6,14 +6,12 @@ import math
 from collections.abc import Callable
 from functools import partial
 
-from drivers.dynamixel.control_table import DriveMode, OperatingMode, table_named
+from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset, Status
-from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.registers import Registers, clamp
 from drivers.virtual_bus.devices.sensors import Measured, Sensors
-from robots.description.servo_catalog import servo_models
 from robots.servo import PWM_FULL_SCALE
 
 GAINS = (
@@ -34,23 +32,12 @@ PROTOCOL_2_TYPE = 2  # value of protocol_type (e-manual)
 class VirtualServo(MotorServo):
     """Replies like an X-series servo; physics reads `motor_command` and calls `sense`."""
 
-    def __init__(
-        self,
-        servo_id: int,
-        model: str = "XM430-W350",
-        *,
-        firmware: int = 46,
-        baud: int = 57_600,
-        quirks: Quirks | None = None,
-        stall_current: float | None = None,
-    ) -> None:
-        """Build a servo of a type at factory defaults, its horn in the middle of the turn."""
-        quirks, table = quirks or Quirks(), table_named(model, firmware)
-        figures = servo_models()[model]
-        super().__init__(table, servo_id, firmware, baud, quirks, figures, stall_current)
+    usual = "XM430-W350", 46, 57_600
+
+    def _connect(self) -> None:
         self._control = PositionControl(self.registers)
         self._sensors = Sensors(self.registers, self._control)
-        self._farthest_goal = table["goal_position"].upper or 0
+        self._farthest_goal = self.table["goal_position"].upper or 0
         self._handlers |= {
             Instruction.REBOOT: self._handle_reboot,
             Instruction.CLEAR: self._handle_clear,
@@ -71,7 +58,6 @@ class VirtualServo(MotorServo):
             "goal_current": self._take_limit,
             "goal_pwm": self._take_limit,
         }
-        self._restart()
 
     # For bus and physics ------------------------------------------------------------------------
 

@@ -15,7 +15,6 @@ from robots.kinematics import (
     lowest_points,
     mirror_positions,
     place,
-    place_postures,
     read_posture,
     site_positions,
     torso_orientation,
@@ -48,18 +47,15 @@ def test_the_lowest_point_is_where_mujoco_would_touch_the_floor(kind: str):
 
 
 @given(seed=SEEDS)
-def test_a_posture_comes_back_from_its_positions(op3: Robot, world: World, seed: int):
+def test_a_posture_comes_back_from_its_positions_and_their_mirror_images(
+    op3: Robot, world: World, seed: int
+):
     posture = draw_posture(op3, np.random.default_rng(seed))
     qpos = place(op3, world.model, posture)
     back = read_posture(op3, world.model, qpos)
     assert back.position == pytest.approx(posture.position)
     assert back.orientation == pytest.approx(posture.orientation)
     assert back.joint_pos == pytest.approx(posture.joint_pos)
-
-
-@given(seed=SEEDS)
-def test_a_mirror_image_of_a_mirror_image_is_the_robot(op3: Robot, world: World, seed: int):
-    qpos = place(op3, world.model, draw_posture(op3, np.random.default_rng(seed)))
     once = mirror_positions(op3, world.model, qpos)
     assert mirror_positions(op3, world.model, once) == pytest.approx(qpos)
 
@@ -87,18 +83,6 @@ def test_positions_go_from_one_model_to_another_and_back(op3: Robot, world: Worl
     assert site_positions(world.model, there, sole) == pytest.approx(
         site_positions(bare, qpos, sole)
     )
-
-
-def test_postures_are_placed_all_at_once_as_one_by_one(op3: Robot, world: World):
-    postures = [draw_posture(op3, np.random.default_rng(seed)) for seed in range(3)]
-    together = place_postures(
-        op3,
-        world.model,
-        np.stack([each.position for each in postures]),
-        np.stack([each.orientation for each in postures]),
-        np.stack([each.joint_pos for each in postures]),
-    )
-    assert together == pytest.approx(np.stack([place(op3, world.model, p) for p in postures]))
 
 
 @given(seed=SEEDS)

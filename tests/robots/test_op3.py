@@ -64,24 +64,17 @@ def test_bodies_have_the_facts_masses_and_inertias(facts):
     assert mujoco.mj_getTotalmass(MODEL) == pytest.approx(facts["totals"]["mass_model"], abs=1e-5)
 
 
-def test_joints_and_servos_are_the_facts(facts):
+def test_joints_servos_and_stance_are_the_facts(facts):
     assert {joint["name"] for joint in facts["joints"]} == set(OP3.joint_names)
     for fact in facts["joints"]:
         joint = OP3.joints[OP3.joint_names.index(fact["name"])]
-        servo = joint.servo
-        assert (servo.id, servo.sign, servo.zero_ticks) == (
-            fact["servo_id"],
-            fact["sign"],
-            fact["zero_tick"],
-        )
-        assert fact["servo"].startswith(servo.model.name)
+        found = (joint.servo.id, joint.servo.sign, joint.servo.zero_ticks)
+        assert found == (fact["servo_id"], fact["sign"], fact["zero_tick"])
+        assert fact["servo"].startswith(joint.servo.model.name)
         assert MODEL.joint(joint.name).axis == pytest.approx(fact["axis"])
         assert MODEL.body(MODEL.joint(joint.name).bodyid[0]).name == fact["body"]
         lowest, highest = fact["range_urdf_rad"]
         assert lowest - 1e-6 <= joint.lower < 0.0 < joint.upper <= highest + 1e-6
-
-
-def test_the_stance_is_the_makers(facts):
     walk_ready = facts["poses_rad"]["walk_ready"]
     for name, angle in nonempty(zip(OP3.joint_names, OP3.standing.joint_pos, strict=True)):
         assert angle == pytest.approx(walk_ready.get(name, 0.0), abs=1e-3), name
@@ -101,20 +94,15 @@ def test_a_mirrored_posture_is_the_mirror_image_in_space(posture):
     assert checked >= 6  # neck, imu, two soles, two hands
 
 
-def test_standing_has_level_soles_on_the_ground():
+def test_standing_has_level_soles_on_the_ground_and_its_mass_over_them():
     data = configured(OP3.standing)
     assert len(OP3.sole_sites) == 2
     for sole in OP3.sole_sites:
         assert data.site(sole).xpos[2] == pytest.approx(0.0, abs=1e-4)
         assert data.site(sole).xmat.reshape(3, 3)[2, 2] == pytest.approx(1.0, abs=1e-6)
     assert data.site(OP3.neck_site).xpos[2] == pytest.approx(OP3.standing_neck_height, abs=1e-4)
-
-
-def test_standing_holds_the_center_of_mass_over_the_feet():
-    data = configured(OP3.standing)
     com = data.subtree_com[OP3.layout(MODEL).torso]
-    soles = np.array([data.site(sole).xpos for sole in OP3.sole_sites])
-    ahead = com[0] - soles[:, 0].mean()
+    ahead = com[0] - np.mean([data.site(sole).xpos[0] for sole in OP3.sole_sites])
     assert abs(ahead) < 0.061  # half a sole's length
     assert abs(com[1]) < 1e-3
 

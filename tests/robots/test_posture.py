@@ -52,12 +52,6 @@ def test_a_posture_survives_the_trip_through_its_file(tmp_path_factory, tiny, po
     assert again.orientation == pytest.approx(posture.orientation)
 
 
-def test_joints_of_a_file_may_come_in_any_order(tmp_path, tiny):
-    path = tmp_path / "posture.json"
-    path.write_text(json.dumps(record()), "utf-8")
-    assert load_posture(path, tiny).joint_pos.tolist() == [0.1, -0.2]
-
-
 def angles(l_hip, **others) -> dict:
     return {"joint_pos": {"l_hip": l_hip, "r_hip": 0, **others}}
 
@@ -72,15 +66,10 @@ def angles(l_hip, **others) -> dict:
         (angles("0.1"), "joint_pos.l_hip is '0.1', expected a finite"),
         (angles(10**400), "joint_pos.l_hip is inf, expected a finite"),
         (angles(1.0471976), "is +1.047197600 rad, expected [-1.5"),
-        (angles(1e300), "'l_hip' is +1.000e+300 rad, expected"),
-        ({"joint_pos": [0.1, 0.2]}, "joint_pos is [0.1, 0.2], expected an object"),
         ({"orientation": [1.0, 1.0, 0.0, 0.0]}, "orientation has length 1.4142, expected 1"),
-        ({"orientation": [0.0, 0.0, 0.0, 0.0]}, "orientation has length 0.0000"),
         ({"orientation": [1.0, 0.0, 0.0]}, "orientation is [1.0, 0.0, 0.0], expected a list of 4"),
-        ({"orientation": [1e300, 0.0, 0.0, 0.0]}, "orientation has length 1.000e+300"),
         ({"position": [0.0, None, 0.0]}, "position[1] is None, expected a finite number (m)"),
         ({"position": [0.0, 1e9, 0.0]}, "position is 1e+09 m, expected at most 1000 m from the o"),
-        ({"position": None}, "position is None, expected a list of 3 numbers (m)"),
     ],
 )
 def test_a_wrong_posture_file_names_the_culprit_and_what_is_expected(
@@ -95,9 +84,11 @@ def test_all_that_is_wrong_is_reported_at_once(tmp_path, tiny):
         assert words in message
 
 
-@pytest.mark.parametrize("text", ["", "{", "[1, 2]", "null"])
-def test_a_file_that_is_no_posture_is_refused(tmp_path, tiny, text):
-    assert "not " in complaint(tmp_path, tiny, text)
+def test_a_file_that_is_no_posture_is_refused(tmp_path, tiny):
+    for text in ("", "{", "[1, 2]", "null"):
+        assert "not " in complaint(tmp_path, tiny, text)
+    with pytest.raises(ValueError, match=r"nothing\.json: No such file"):
+        load_posture(tmp_path / "nothing.json", tiny)
 
 
 def test_what_is_named_twice_is_refused(tmp_path, tiny):
@@ -106,24 +97,3 @@ def test_what_is_named_twice_is_refused(tmp_path, tiny):
     assert "'l_hip' is named 2 times, expected once" in complaint(tmp_path, tiny, twice)
     twice = text.replace('"position"', '"position": [0, 0, 0], "position"')
     assert "'position' is named 2 times, expected once" in complaint(tmp_path, tiny, twice)
-
-
-def test_a_missing_file_is_named(tmp_path, tiny):
-    with pytest.raises(ValueError, match=r"nothing\.json: No such file"):
-        load_posture(tmp_path / "nothing.json", tiny)
-
-
-def test_a_wrong_posture_cannot_be_built():
-    sound = {
-        "position": np.zeros(3),
-        "orientation": np.array([1.0, 0.0, 0.0, 0.0]),
-        "joint_pos": np.zeros(2),
-    }
-    Posture(**sound)
-    for changes in (
-        {"position": np.zeros(2)},
-        {"orientation": np.array([1.0, 0.1, 0.0, 0.0])},
-        {"joint_pos": np.array([0.0, np.nan])},
-    ):
-        with pytest.raises(ValueError):
-            Posture(**{**sound, **changes})

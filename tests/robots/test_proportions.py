@@ -15,11 +15,11 @@ def test_a_body_survives_the_trip_through_text(chosen: dict[str, float]):
     assert Body.parse(str(body)) == body
 
 
-@pytest.mark.parametrize("text", ["", " ", "arms=1", "arms=1,legs=1.0"])
-def test_a_body_without_other_factors_is_the_original(text: str):
-    assert Body.parse(text) == ORIGINAL
-    assert Body.parse(text).is_original
-    assert str(Body.parse(text)) == ""
+def test_a_body_without_other_factors_is_the_original():
+    for text in ("", " ", "arms=1", "arms=1,legs=1.0"):
+        assert Body.parse(text) == ORIGINAL
+        assert Body.parse(text).is_original
+        assert str(Body.parse(text)) == ""
 
 
 @pytest.mark.parametrize(
@@ -28,11 +28,8 @@ def test_a_body_without_other_factors_is_the_original(text: str):
         ("tail=2", "body 'tail=2': unknown part 'tail', expected shoulders, arms, torso, legs"),
         ("arms", "arms is '', expected a factor from 0.25 to 4"),
         ("arms=nan", "arms is 'nan'"),
-        ("arms=long", "arms is 'long'"),
         ("arms=4.1", "arms is '4.1'"),
-        ("arms=0.2", "arms is '0.2'"),
         ("arms=1.6,arms=1.7", "arms is given twice, expected once"),
-        ("arms=1.6,", "unknown part ''"),
         ("arms=0,tail=1", "arms is '0', expected a factor from 0.25 to 4; unknown part 'tail'"),
     ],
 )

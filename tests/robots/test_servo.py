@@ -23,43 +23,30 @@ servos = st.builds(
 )
 
 
-@given(servo=servos, ticks=st.integers(-1_048_575, 1_048_575))
-def test_ticks_survive_the_trip_through_radians(servo: Servo, ticks: int):
+@given(servo=servos, ticks=st.integers(-1_048_575, 1_048_575), angle=st.floats(-math.pi, math.pi))
+def test_ticks_survive_the_trip_through_radians(servo: Servo, ticks: int, angle: float):
     assert servo.to_ticks(servo.to_rad(ticks)) == ticks
-
-
-@given(servo=servos, angle=st.floats(-math.pi, math.pi))
-def test_radians_come_back_within_half_a_tick(servo: Servo, angle: float):
     assert abs(servo.to_rad(servo.to_ticks(angle)) - angle) <= RAD_PER_TICK / 2 + 1e-12
-
-
-@given(servo=servos)
-def test_zero_ticks_are_angle_zero_and_the_sign_gives_the_direction(servo: Servo):
     assert servo.to_rad(servo.zero_ticks) == 0.0
     assert math.copysign(1.0, servo.to_rad(servo.zero_ticks + 1)) == servo.sign
 
 
-@pytest.mark.parametrize(("id", "sign"), [(1, 0), (1, 2), (-1, 1), (253, 1)])
-def test_a_wrong_servo_cannot_be_built(id: int, sign: int):
-    with pytest.raises(ValueError, match="expected"):
-        Servo(id=id, model=XM430, sign=sign, zero_ticks=2048)
-
-
-def test_motor_constants_follow_from_the_datasheet():
+def test_motor_constants_follow_from_the_datasheet(op3):
     assert XM430.motor_constant == pytest.approx(2.4896, abs=1e-4)  # 12 V / 4.82 rad/s
     # Stall torque = K V / R: R = 2.4896 * 12 / 4.1.
     assert XM430.resistance == pytest.approx(7.2867, abs=1e-4)
     assert XM430.torque_speed_slope == pytest.approx(4.1 / 4.82)
-
-
-def actuator_torque(robot, voltage: float, velocity: float, error: float) -> float:
-    """The torque of the compiled model's first servo at a speed and position error."""
-    drive = limit_servos(robot, robot.max_torque, "pwm")
-    return drive_torque(robot, drive, voltage, velocity, error)
+    # The D gain replaces the damping of back-EMF, 4.1 / 4.82 N·m·s/rad, over 18.876 / 6.25 N·m/rad
+    # a count, D over 16, each 1 ms.
+    assert XM430.d_gain == round(4.1 / 4.82 / (18.876 / 6.25 / 16 * 0.001))
+    assert op3.current_damping == pytest.approx(op3.torque_speed_slope, rel=2e-4)
 
 
 def drive_torque(robot, drive: Drive, voltage: float, velocity: float, error: float) -> float:
-    """The same of a drive: what VecSim and Simulation write to the model."""
+    """The torque of the compiled model's first servo at a speed and position error.
+
+    With what VecSim and Simulation write to the model.
+    """
     model = robot.spec().compile()
     model.actuator_gainprm[:] = drive.gains(robot, voltage)
     model.actuator_forcerange[:] = np.stack([-drive.torque, drive.torque], axis=1)
@@ -86,7 +73,8 @@ def drive_torque(robot, drive: Drive, voltage: float, velocity: float, error: fl
     ],
 )
 def test_the_compiled_motor_keeps_the_torque_speed_line(op3, voltage, velocity, error, torque):
-    assert actuator_torque(op3, voltage, velocity, error) == pytest.approx(torque, abs=1e-3)
+    full = limit_servos(op3, op3.max_torque, "pwm")
+    assert drive_torque(op3, full, voltage, velocity, error) == pytest.approx(torque, abs=1e-3)
 
 
 def test_gains_of_many_supplies_come_at_once(op3):
@@ -124,12 +112,6 @@ def test_a_current_loop_keeps_its_stiffness_at_any_supply(op3):
     for by, stiffness in (("current", 1.8876), ("pwm", 1.8876 * 11.0 / 12.0)):
         drive = limit_servos(op3, 2.5, by)
         assert drive_torque(op3, drive, 11.0, 0.0, 0.1) == pytest.approx(stiffness, abs=1e-3)
-
-
-def test_the_d_gain_replaces_the_damping_of_back_emf(op3):
-    """By hand: 4.1 / 4.82 N·m·s/rad over 18.876 / 6.25 N·m/rad a count, D over 16, each 1 ms."""
-    assert XM430.d_gain == round(4.1 / 4.82 / (18.876 / 6.25 / 16 * 0.001))
-    assert op3.current_damping == pytest.approx(op3.torque_speed_slope, rel=2e-4)
 
 
 @given(share=st.floats(-10.0, 10.0))

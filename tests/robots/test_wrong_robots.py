@@ -10,13 +10,14 @@ from robots.description.schema import Segment
 
 L_HIP = 'name = "l_hip", id = 1, servo = "XM430-W350", sign = 1'
 LEG = '<joint name="l_hip" axis="0 1 0" range="-90 60"/>'
+BALL = '<body name="ball"><freejoint/><geom size="1"/></body>'
+MOTOR = '<actuator><motor name="m" joint="l_hip"/></actuator>'
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
         ("period = 0.008", "period = -0.008", "control_period is -0.008 s, expected 0.001 to 1 s"),
-        ("period = 0.008", "period = 8", "control_period is 8 s, expected 0.001 to 1 s"),
         ("period = 0.008", 'period = "8 ms"', "control_period is '8 ms', expected 0.001 to 1 s"),
         ("voltage = 12.0", "voltage = -12", "supply_voltage is -12 V, expected above 0 V"),
         ("voltage = 12.0", "voltage = 9", "9 V, expected 10 to 14.8 V by the XM430-W350 of joint"),
@@ -24,31 +25,24 @@ LEG = '<joint name="l_hip" axis="0 1 0" range="-90 60"/>'
         ('torso = "torso"', 'torso = "trunk"', "torso: unknown body 'trunk', expected torso"),
         ('torso = "torso"', 'torso = "l_leg"', "body 'l_leg' has no free joint in model.xml"),
         ('"neck"', '"nick"', "neck_site: unknown site 'nick', expected imu, neck, l_sole, r_sole"),
-        ('"imu"', '"eye"', "imu_site: unknown site 'eye', expected imu, neck"),
         ('imu_site = "imu"\n', "", "imu_site is missing, expected the site"),
-        ('"r_sole"]', '"x_sole"]', "sole_sites: unknown site 'x_sole', expected imu, neck"),
-        ('["l_sole", "r_sole"]', '"l_sole"', "sole_sites is 'l_sole', expected a list of texts"),
         ("[standing]", "[sitting]", "standing is missing, expected a table of joint names"),
         ("]\nl_hip", "]\nq_hip", "standing: unknown joint 'q_hip', expected 'l_hip'"),
         ("l_hip = 0.0", "l_hip = nan", "standing.l_hip is nan, expected a finite angle in"),
         ("l_hip = 0.0", "l_hip = 1.2", "'l_hip' is +1.200 rad, expected [-1.571, +1.047] rad"),
         ("id = 2, ", "", "joint 'r_hip': id is missing, expected an integer from 0 to 252"),
-        ("id = 2, ", "id = 253, ", "joint 'r_hip': id is 253, expected an integer from 0 to 252"),
         ("id = 2, ", "id = 1, ", "joints 'l_hip', 'r_hip' have one servo id, 1, expected one id"),
         ('servo = "XM430-W350"', 'servo = "XM9"', "joint 'r_hip': servo is 'XM9', expected XM4"),
         ("id = 2, ", "id = 2, p_gain = 20000, ", "joint 'r_hip': p_gain is 20000, expected an in"),
-        ("sign = -1, zero", "sign = 2, zero", "joint 'r_hip': sign is 2, expected -1 or 1"),
         ('segment = "foot"', 'segment = "tail"', "'r_hip': segment is 'tail', expected head,"),
         ('mirror = "r_hip"', 'mirror = "q_hip"', "joint 'l_hip': unknown mirror joint 'q_hip'"),
         ('mirror = "r_hip"', 'mirror = "l_hip"', "'l_hip' has the mirror 'l_hip', expected 'r_"),
         ('r = "r_hip", mirror_sign = 1', 'r = "r_hip", mirror_sign = -1', "'l_hip': mirror_sign "),
-        ('{ name = "r_hip", ', "{ ", "joint number 2: name is missing, expected a text"),
         ('name = "r_hip"', 'name = "l_hip"', "joint 'l_hip' is described 2 times, expected once"),
         ('name = "r_hip"', 'name = "q_hip"', "'q_hip' is not in model.xml, expected l_hip, r_hip"),
         ('name = "r_hip"', 'name = "root"', "joint 'root' is a free joint, expected a hinge"),
         ("baud = 1_000_000", "baud = 1_000_001", "bus.baud is 1000001, expected 9600, 57"),
         ("baud = 1_000_000", "watchdog = 9", "bus.watchdog is 9 s, expected above 0 s, at most 2"),
-        ("baud = 1_000_000", "baud = 57600\nports = 3", "bus.ports is 3, expected a table of port"),
         ("[-1, -1, 1]", "[-1, 1]", "bus.board.imu_axes is [-1, 1], expected three signs"),
         ("id = 200", "id = 2", "bus.board.id is 2, that of joint 'r_hip', expected an id of its"),
         ("[bus.board]", '[bus.ports]\nlegs = ["l_hip"]\n[bus.board]', "'r_hip' is on 0 ports"),
@@ -70,17 +64,12 @@ def test_a_wrong_value_is_reported_with_its_place_and_what_is_expected(own_robot
         (LEG, LEG.replace("-90 60", "10 60"), "standing: joint 'l_hip' is +0.000 rad, expected [+"),
         (LEG, LEG.replace("<joint", '<joint type="slide"'), "'l_hip' is a slide joint, expected a"),
         (LEG, LEG + '<joint name="l_toe"/>', "hinge joint 'l_toe' of body 'l_leg' in model.xml"),
-        (LEG, LEG + '<joint name="l_toe" type="ball"/>', "ball joint 'l_toe' of body 'l_leg' in"),
         (
             "</worldbody>",
-            '<body name="ball"><freejoint/><geom size="1"/></body></worldbody>',
-            "body 'ball' in model.xml has a free joint, expected only for the torso 'torso'",
+            f"{BALL}</worldbody>",
+            "body 'ball' in model.xml has a free joint, expected",
         ),
-        (
-            "</mujoco>",
-            '<actuator><motor name="m" joint="l_hip"/></actuator></mujoco>',
-            "model.xml has actuators (m), expected none",
-        ),
+        ("</mujoco>", f"{MOTOR}</mujoco>", "model.xml has actuators (m), expected none"),
         ('"neck" pos="0 0 0.05"', '"neck" pos="0 0 -0.2"', "neck_site 'neck' is -0.100 m over the"),
     ],
 )
@@ -114,11 +103,6 @@ def test_all_that_is_wrong_is_reported_at_once(own_robot):
         "joint 'l_hip' has no range in model.xml",
         "standing: joint 'r_hip' is +9.000 rad",
     ]
-
-
-def test_an_empty_file_lacks_all_that_is_needed(own_robot):
-    (own_robot / "robot.toml").write_bytes(b"")
-    assert "name is missing, expected a text; model is missing" in complaint(own_robot)
 
 
 def test_every_segment_has_a_weight_in_the_metric():

@@ -63,16 +63,11 @@ def test_an_anchor_swings_about_the_joint_above(small: BodyPlan, angle: float):
     assert view.anchor(place(small, "left_shank")) == pytest.approx(knee)
 
 
-def test_a_joint_along_its_limb_only_twists_it(small: BodyPlan):
-    view, down = looked(small), np.array([0.0, 0.0, -0.3])
+def test_joints_twist_along_their_limb_or_pitch_about_y(small: BodyPlan):
+    view, down, leg = looked(small), np.array([0.0, 0.0, -0.3]), small.legs[0]
     assert view.twists(place(small, "left_hip_yaw"), down)
     assert not view.twists(place(small, "left_thigh"), down)
     assert not view.twists(place(small, "left_hip_yaw"), np.zeros(3))
-
-
-def test_pitch_joints_are_those_about_y_as_they_stand(small: BodyPlan):
-    leg = small.legs[0]
-    pitch = [small.joint_names[k] for k in looked(small).list_pitch(leg)]
+    pitch = [small.joint_names[k] for k in view.list_pitch(leg)]
     assert pitch == ["left_thigh_joint", "left_shank_joint", "left_ankle_joint"]
-    rolled = looked(small, left_hip_roll=1.0)
-    assert rolled.list_pitch(leg) == []
+    assert looked(small, left_hip_roll=1.0).list_pitch(leg) == []

@@ -95,18 +95,11 @@ def test_of_several_arms_on_a_side_the_outermost_counts(tmp_path: Path):
 
 
 def test_the_upper_part_begins_where_the_last_joint_bends_it(tmp_path: Path):
-    """Not at the joint that twists it, above the elbow."""
+    """Not where one twists it; its middle is farthest from both ends, and a wrist ends the rest."""
     arm = (("pitch", HERE, PITCH), ("twist", HERE, ALONG), ("elbow", BELOW, PITCH))
     assert arm_of(tmp_path, *arm) == ["pitch", "elbow", None]
-
-
-def test_the_middle_is_farthest_from_both_ends_and_a_wrist_ends_the_lower_part(tmp_path: Path):
-    arm = (
-        ("pitch", HERE, PITCH),
-        ("roll", HERE, ROLL),
-        ("elbow", BELOW, PITCH),
-        ("wrist", "0 0 -0.08", PITCH),
-    )
+    arm = (("pitch", HERE, PITCH), ("roll", HERE, ROLL), ("elbow", BELOW, PITCH))
+    arm = (*arm, ("wrist", "0 0 -0.08", PITCH))
     assert arm_of(tmp_path, *arm) == ["roll", "elbow", "wrist"]
 
 

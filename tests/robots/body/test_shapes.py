@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots import quaternion
@@ -11,6 +11,7 @@ from robots.body.shapes import Shape, fit_shape
 from robots.quaternion import Array
 
 GEOM = mujoco.mjtGeom
+FEW = settings(max_examples=30)
 
 
 def measure_distance(shape: Shape, points: Array) -> Array:
@@ -23,6 +24,7 @@ def measure_distance(shape: Shape, points: Array) -> Array:
     return np.linalg.norm(own, axis=1) - radius
 
 
+@FEW
 @given(
     seed=st.integers(0, 10_000),
     count=st.integers(4, 60),
@@ -35,6 +37,7 @@ def test_a_shape_holds_its_points(seed: int, count: int, extent):
     assert measure_distance(shape, points).max() < 1e-9
 
 
+@FEW
 @given(
     size=st.tuples(*[st.floats(0.01, 0.2)] * 3),
     axis=st.sampled_from(np.eye(3).tolist()),
@@ -55,6 +58,7 @@ def measure_volume(shape: Shape) -> float:
     return float(np.pi * radius**2 * (2.0 * half + 4.0 / 3.0 * radius))
 
 
+@FEW
 @given(
     size=st.tuples(st.floats(0.04, 0.1), st.floats(0.03, 0.06)),
     bracket=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(0.03, 0.06)),

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from nonempty import nonempty
 
 from robots import Robot, load_robot
@@ -40,17 +38,6 @@ def test_a_pair_is_recognized_by_its_names_and_its_left_joint_by_its_name(tiny: 
             assert names[joint] == left
             assert sides.by_name == {bare: joint, left: joint}
             assert sides.name(joint) == bare
-
-
-@given(
-    words=st.lists(st.sampled_from(["hip", "knee", "roll", "link", "2"]), min_size=1, max_size=4),
-    side=st.sampled_from(["l", "r", "left", "right", "L", "R", "Left", "RIGHT"]),
-    separator=st.sampled_from(["_", "-", "."]),
-)
-def test_swapping_twice_gives_the_name_back(words: list[str], side: str, separator: str):
-    name = separator.join([side, *words])
-    assert swap_side(swap_side(name)) == name != swap_side(name)
-    assert side_of(swap_side(name)) == -side_of(name)
 
 
 def rename(robot: Robot, *names: str) -> Robot:

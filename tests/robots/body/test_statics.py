@@ -10,7 +10,7 @@ import pytest
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 from robots.body.limbs import Limbs
-from robots.body.squats import list_squats
+from robots.body.squats import Squat, list_squats
 from robots.body.statics import Statics
 from robots.kinematics import place
 from robots.quaternion import Array
@@ -31,10 +31,14 @@ def fall(robot: Robot, joint_pos: Array, torque: Array) -> float:
     return float(np.abs(data.qpos[layout.qpos] - joint_pos).max())
 
 
+@pytest.fixture(scope="module")
+def squats(op3: Robot) -> list[Squat]:
+    return list_squats(Limbs(op3), Statics(op3))
+
+
 @pytest.mark.parametrize("depth", [0, 4, -1])
-def test_the_torques_of_a_squat_hold_it_in_simulation(depth: int, op3: Robot):
-    statics = Statics(op3)
-    squat = list_squats(Limbs(op3), statics)[depth]
+def test_the_torques_of_a_squat_hold_it_in_simulation(depth: int, squats: list[Squat], op3: Robot):
+    squat = squats[depth]
     held = fall(op3, squat.joint_pos, squat.torque)
     assert held < 0.1 * fall(op3, squat.joint_pos, 0.0 * squat.torque)
 
@@ -66,13 +70,15 @@ def test_a_robot_that_leans_to_a_side_puts_more_of_its_weight_there(op3: Robot, 
         assert torque * data.xaxis[hip.id][0] == pytest.approx(-by_hand, abs=0.02)
 
 
-def test_a_posture_is_on_the_ground_at_the_origin_and_its_neck_as_high_as_the_stance(op3: Robot):
+def test_a_posture_is_on_the_ground_at_the_origin_and_its_neck_as_high_as_the_stance(
+    squats: list[Squat], op3: Robot
+):
     statics, model = Statics(op3), op3.spec().compile()
     stance = statics.make_posture(op3.standing.joint_pos)
     assert stance.position[:2].tolist() == [0.0, 0.0]
     assert stance.position[2] == pytest.approx(op3.standing.position[2], abs=1e-3)
     assert statics.measure_neck(op3.standing.joint_pos) == pytest.approx(1.0, abs=1e-3)
-    squat = list_squats(Limbs(op3), statics)[-1]
+    squat = squats[-1]
     data = mujoco.MjData(model)
     data.qpos[:] = place(op3, model, statics.make_posture(squat.joint_pos))
     mujoco.mj_kinematics(model, data)
@@ -81,23 +87,6 @@ def test_a_posture_is_on_the_ground_at_the_origin_and_its_neck_as_high_as_the_st
     share = (data.site(op3.neck_site).xpos[2] - min(soles)) / op3.standing_neck_height
     assert statics.measure_neck(squat.joint_pos) == pytest.approx(share, abs=1e-6)
     assert share < 0.9
-
-
-def test_a_knee_carries_half_the_weight_on_its_lever(op3: Robot):
-    """The knee's torque, by hand: half of the weight less shank and foot, times the lever."""
-    model = op3.spec().compile()
-    data = mujoco.MjData(model)
-    data.qpos[:] = place(op3, model, op3.standing)
-    mujoco.mj_forward(model, data)
-    center = data.subtree_com[op3.layout(model).torso]
-    knee = model.joint("l_knee").id
-    shank = model.jnt_bodyid[knee]
-    below, own = model.body_subtreemass[shank], data.subtree_com[shank]
-    mass = model.body_subtreemass[op3.layout(model).torso]
-    lever = center[0] - data.xanchor[knee][0]
-    by_hand = 9.81 * (0.5 * mass * lever - below * (own[0] - data.xanchor[knee][0]))
-    found = Statics(op3).measure_torques(op3.standing.joint_pos)
-    assert abs(found[op3.joint_names.index("l_knee")]) == pytest.approx(abs(by_hand), rel=0.02)
 
 
 def test_what_a_passive_joint_carries_is_handed_to_the_one_that_it_follows(

@@ -30,14 +30,11 @@ def test_a_name_means_the_packages_robot_whatever_folder_is_here(own_robot, monk
     assert load_robot("./op3").name == load_robot(Path("op3")).name == "tiny"
 
 
-def test_a_robots_stance_is_worked_out_from_its_soles(tiny):
+def test_a_robot_stands_on_the_lower_of_its_soles(tiny, own_robot):
     # Legs of 0.1 m, neck 0.05 m over the hips.
     assert tiny.standing.position == pytest.approx([0.0, 0.0, 0.1])
     assert tiny.standing.orientation == pytest.approx([1.0, 0.0, 0.0, 0.0])
     assert tiny.standing_neck_height == pytest.approx(0.15)
-
-
-def test_a_robot_stands_on_the_lower_of_its_soles(own_robot):
     site = '<site name="r_sole" pos="0 0 -0.1"/>'
     spoil(own_robot, site, site.replace("-0.1", "-0.12"), "model.xml")
     robot = load_robot(own_robot)
@@ -81,13 +78,9 @@ def test_a_robot_may_have_any_control_period(own_robot, period, step):
 
 def test_an_unknown_robot_is_named_with_what_is_expected():
     words = r"unknown robot '.*': expected human, op3, toddlerbot, wolfgang, or a folder"
-    for name in ("nao", "", "../..", "/nowhere/at/all", "a\nb"):
-        with pytest.raises(RobotError, match=words) as caught:
+    names = ("nao", "", "../..", "/nowhere/at/all", "a\nb")
+    for name, message in (*((name, words) for name in names), ("x" * 300, "File name too long")):
+        with pytest.raises(RobotError, match=message) as caught:
             load_robot(name)
         assert "\n" not in str(caught.value), name
-
-
-def test_a_name_too_long_for_a_folder_is_reported_in_one_line():
-    with pytest.raises(RobotError, match="File name too long") as caught:
-        load_robot("x" * 300)
-    assert len(str(caught.value)) < 200
+        assert len(str(caught.value)) < 200, name

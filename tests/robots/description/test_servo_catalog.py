@@ -74,6 +74,13 @@ def test_figures_of_the_packages_types_make_sense():
 
 def test_figures_that_a_control_table_has_too_are_the_same():
     """Its registers as they leave the factory are the other source of these figures."""
+    assert {n for n in known_models() if table_named(n).has_watchdog} == list_guessed().keys()
+    for name, model in nonempty(servo_models().items()):
+        table = table_named(name)
+        assert table["present_position"].scale == pytest.approx(model.rad_per_tick), name
+        assert table["max_position_limit"].upper == model.last_tick, name
+        assert table.wire.max_id == model.max_id, name
+        assert name in types_of(table)
     for name, model in nonempty(list_guessed().items()):
         table = table_named(name)
         assert model.p_gain == table["position_p_gain"].default, name
@@ -84,16 +91,6 @@ def test_figures_that_a_control_table_has_too_are_the_same():
             assert model.current_step == table["present_current"].scale, name
         upper = table["max_voltage_limit"].upper
         assert upper is not None and 10.0 * model.max_voltage <= upper, name
-
-
-def test_every_type_has_a_control_table_whose_counts_are_its_own():
-    assert {n for n in known_models() if table_named(n).has_watchdog} == list_guessed().keys()
-    for name, model in servo_models().items():
-        table = table_named(name)
-        assert table["present_position"].scale == pytest.approx(model.rad_per_tick), name
-        assert table["max_position_limit"].upper == model.last_tick, name
-        assert table.wire.max_id == model.max_id, name
-        assert name in types_of(table)
 
 
 def test_a_feetech_drives_of_its_supply_what_was_measured():

@@ -2,7 +2,6 @@
 
 import os
 import re
-import resource
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -121,23 +120,10 @@ def test_a_model_that_is_no_humanoid_or_broken_is_refused(tmp_path: Path):
         assert message in problem
 
 
-@pytest.mark.parametrize("name", ["torso.stl", "TORSO.STL"])
-def test_a_mesh_that_is_a_fifo_is_refused_at_once(tmp_path: Path, name: str):
-    os.mkfifo(tmp_path / name)
+def test_a_mesh_that_is_a_fifo_is_refused_at_once(tmp_path: Path):
+    os.mkfifo(tmp_path / "TORSO.STL")
     (problem,) = problems_of(tmp_path / "model.urdf", small_urdf(mesh="torso.stl"))
     assert "cannot be read (it is a FIFO, expected a file)" in problem
-
-
-def test_a_full_disk_leaves_nothing_and_one_line(tmp_path: Path):
-    robot = imported(tmp_path / "model.xml", small_humanoid())
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with pytest.raises(ModelImportError, match=r"--out is .*: File too large"):
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
-        try:
-            write_robot(robot, tmp_path / "out")
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["model.xml"]
 
 
 def test_the_root_of_a_urdf_floats(tmp_path: Path):
@@ -169,24 +155,19 @@ def test_a_root_of_three_slides_that_turns_freely_floats(
     assert not [name for name in robot.joints if name.startswith(tuple(kinds))]
 
 
-def test_ranges_that_contradict_their_mirror_images_are_reported(tmp_path: Path):
+def test_ranges_that_cannot_be_are_reported(tmp_path: Path):
+    """Of two equal ends, and those that contradict their mirror images."""
+    text = re.sub(r'(name="head_joint" range=")[^"]*', r"\g<1>0.5 0.5", small_humanoid())
+    robot = imported(tmp_path / "model.xml", text)
+    assert "-180 to 180 deg for joints without range, or of equal ends: head_joint" in robot.notes
+
     def turn(spec: mujoco.MjSpec) -> None:
-        spec.joint("left_shank_joint").range = np.radians([-140.0, 0.0]) * 180.0 / np.pi
+        spec.joint("left_shank_joint").range = [-140.0, 0.0]
 
     robot = imported(tmp_path / "model.xml", small_humanoid(change=turn))
     (note,) = [note for note in robot.notes if "mirror" in note]
     assert "left_shank_joint and right_shank_joint" in note
     assert "-140 to 0 deg and 0 to 140 deg" in note
-
-
-@pytest.mark.parametrize("suffix", ["xml", "urdf"])
-def test_a_range_of_equal_ends_is_none_and_that_is_said(tmp_path: Path, suffix: str):
-    file, text = tmp_path / f"model.{suffix}", small_urdf()
-    text = re.sub(r'(name="head_joint".*? lower=")[^"]*(" upper=")[^"]*', r"\g<1>0\g<2>0", text)
-    if suffix == "xml":
-        text = re.sub(r'(name="head_joint" range=")[^"]*', r"\g<1>0.5 0.5", small_humanoid())
-    robot = imported(file, text)
-    assert "-180 to 180 deg for joints without range, or of equal ends: head_joint" in robot.notes
 
 
 def test_a_folder_is_complete_or_not_there(tmp_path: Path):

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.description.servo_catalog import servo_models
-from robots.model_import.servo_choice import choose_servos, describe_motor
+from robots.model_import.servo_choice import choose_servos
 from robots.model_import.source import ActuatorFigures, ModelImportError
 
 JOINTS = ("l_knee", "r_knee", "l_elbow", "r_elbow")
@@ -18,32 +18,22 @@ def choose(stated: dict[str, float] | None = None, *asked: str, **size: float):
     return choose_servos(JOINTS, figures, asked, **SMALL | size)
 
 
-def test_the_type_is_that_whose_torque_the_model_states():
-    choice = choose(dict.fromkeys(JOINTS, 4.1))
-    assert set(choice.types) == {"XM430-W350"}
-    assert choice.supply == 12.0
-    assert not choice.own
-
-
-@pytest.mark.parametrize(
-    ("speed", "kind"), [(8.06, "XM430-W210"), (4.82, "XM430-W350"), (3.14, "XH430-W350")]
-)
-def test_the_speed_decides_among_types_of_about_one_torque(speed: float, kind: str):
+def test_the_speed_decides_among_types_of_about_one_torque():
     """Of 3.0, 4.1 and 3.4 N·m: 3.5 N·m fit the last one best, but for its speed."""
-    figures = dict.fromkeys(JOINTS, ActuatorFigures(effort=3.5, speed=speed))
-    assert set(choose_servos(JOINTS, figures, (), **SMALL).types) == {kind}
+    for speed, kind in ((8.06, "XM430-W210"), (4.82, "XM430-W350"), (3.14, "XH430-W350")):
+        figures = dict.fromkeys(JOINTS, ActuatorFigures(effort=3.5, speed=speed))
+        assert set(choose_servos(JOINTS, figures, (), **SMALL).types) == {kind}
 
 
-@pytest.mark.parametrize(
-    ("torque", "kind", "supply"),
-    [(10.6, "XM540-W270", 12.0), (13.07, "XM540-W270", 14.8), (1.4, "XL430-W250", 11.1)],
-)
-def test_the_supply_is_that_at_which_a_type_has_the_stated_torque(
-    torque: float, kind: str, supply: float
-):
+def test_type_and_supply_are_those_that_have_the_stated_torque():
     """At 14.8 V a motor for 12 V has 14.8 / 12 of its torque."""
-    choice = choose(dict.fromkeys(JOINTS, torque))
-    assert (set(choice.types), choice.supply) == ({kind}, supply)
+    for torque, kind, supply in (
+        *((4.1, "XM430-W350", 12.0), (10.6, "XM540-W270", 12.0)),
+        *((13.07, "XM540-W270", 14.8), (1.4, "XL430-W250", 11.1)),
+    ):
+        choice = choose(dict.fromkeys(JOINTS, torque))
+        assert (set(choice.types), choice.supply) == ({kind}, supply)
+        assert not choice.own
 
 
 def test_what_the_user_says_counts_more_and_the_last_pattern_most():
@@ -70,11 +60,13 @@ def test_without_limits_the_weakest_type_that_lifts_the_robot_is_taken():
     assert "3.7 N·m" in choice.guesses[0]
 
 
-def test_a_robot_that_no_servo_lifts_has_motors_of_its_own():
+def test_a_robot_that_no_servo_lifts_has_motors_of_its_own_up_to_a_limit():
     choice = choose(weight=50.0, leg_length=0.8)
     (kind,) = set(choice.types)
     assert choice.own[kind]["stall_torque"] == pytest.approx(200.0, rel=0.05)  # 2 x 98 N·m
     assert choice.supply == 48.0
+    with pytest.raises(ModelImportError, match="torque limit of 300 N·m, expected at most 200"):
+        choose({"l_knee": 300.0}, weight=80.0, leg_length=1.0)
 
 
 def test_a_lighter_type_is_guessed_if_the_others_would_outweigh_the_robot():
@@ -100,18 +92,3 @@ def test_only_servos_that_the_driver_speaks_to_are_guessed(weight: float, effort
     chosen = {*choose(weight=weight).types, *choose(dict.fromkeys(JOINTS, effort)).types}
     assert not [kind for kind in chosen if kind.startswith("STS")]
     assert set(choose(None, "STS3250-C001").types) == {"STS3250-C001"}
-
-
-def test_a_joint_stronger_than_servos_is_refused():
-    with pytest.raises(ModelImportError, match="torque limit of 300 N·m, expected at most 200"):
-        choose({"l_knee": 300.0}, weight=80.0, leg_length=1.0)
-
-
-@given(effort=TORQUES, supply=st.floats(5.0, 48.0))
-def test_a_motors_current_is_that_of_its_power(effort: float, supply: float):
-    """At a stall, watts per newton meter are those of the XM540-W270, whatever the supply."""
-    like = servo_models()["XM540-W270"]
-    motor = describe_motor(effort, 6.0, supply, 5.0)
-    power = motor["stall_current"] * motor["nominal_voltage"] / motor["stall_torque"]
-    own = like.stall_current * like.nominal_voltage / like.stall_torque
-    assert power == pytest.approx(own, rel=0.01, abs=0.01 * supply / effort)

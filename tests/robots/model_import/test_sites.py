@@ -28,13 +28,13 @@ def add_ankle_plates(spec: mujoco.MjSpec) -> None:
         spec.body(f"{side}_ankle").add_geom(**box, pos=[0, 0, -0.005], mass=1e-3)
 
 
-@pytest.mark.parametrize("change", [lambda _: None, add_ankle_plates])
-def test_soles_are_under_the_feet(tmp_path: Path, change: Callable[[mujoco.MjSpec], object]):
-    _, model = found(tmp_path, change)
-    left, right = model.site("l_sole"), model.site("r_sole")
-    assert model.body(int(left.bodyid[0])).name == "left_foot"
-    assert left.pos == pytest.approx([0.015, 0.0, -0.03], abs=1e-6)
-    assert right.pos == pytest.approx(left.pos, abs=1e-6)
+def test_soles_are_under_the_feet(tmp_path: Path):
+    for change in (lambda _: None, add_ankle_plates):
+        _, model = found(tmp_path, change)
+        left, right = model.site("l_sole"), model.site("r_sole")
+        assert model.body(int(left.bodyid[0])).name == "left_foot"
+        assert left.pos == pytest.approx([0.015, 0.0, -0.03], abs=1e-6)
+        assert right.pos == pytest.approx(left.pos, abs=1e-6)
 
 
 def test_without_a_head_it_is_between_the_shoulders(tmp_path: Path):
@@ -47,14 +47,11 @@ def add_imu(spec: mujoco.MjSpec) -> None:
     spec.body("torso").add_site(name="gyro_mount", pos=[0.01, 0.02, 0.1])
 
 
-def test_the_imu_is_where_the_model_names_one(tmp_path: Path):
+def test_the_imu_is_where_the_model_names_one_and_turns_back_with_its_torso(tmp_path: Path):
+    """A torso whose own frame is turned by a right angle about z: x of the IMU stays its own."""
     robot, model = found(tmp_path, add_imu)
     assert model.site("imu").pos == pytest.approx([0.01, 0.02, 0.1])
     assert list_guesses(robot, "imu") == ["site imu: the model's site gyro_mount"]
-
-
-def test_the_imu_of_a_turned_torso_turns_back(tmp_path: Path):
-    """A torso whose own frame is turned by a right angle about z: x of the IMU stays its own."""
     frame = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
     _, model = found(tmp_path, add_imu, frame=frame)
     assert model.site("imu").pos == pytest.approx([-0.02, 0.01, 0.1], abs=1e-6)

@@ -28,14 +28,14 @@ def find(
     return find_tree(source, notes), notes
 
 
-def test_hinges_are_where_they_are_in_the_stance():
-    """By hand: the arm is lifted by a right angle to the left, the finger 20 cm out."""
+def test_hinges_are_where_they_are_in_the_stance_of_what_is_the_robot():
+    """By hand: the arm is lifted by a right angle to the left, the finger 20 cm out.
+
+    A frame that only holds the robot is no part of it.
+    """
     tree, _ = find(lift=np.pi / 2.0)
     assert tree.hinges[2].anchor == pytest.approx([0.0, 0.3, 0.6])
     assert tree.hinges[2].axis == pytest.approx([0.0, -1.0, 0.0], abs=1e-9)
-
-
-def test_a_frame_that_only_holds_the_robot_is_no_part_of_it():
     tree, _ = find(f'<body name="frame" pos="0 0 1">{ROBOT}</body>'.replace("JOINT", ""))
     assert tree.model.body(tree.root).name == "torso"
 

@@ -55,32 +55,22 @@ def problems_of(*changes: tuple[str, str]) -> list[str]:
     [
         ("1.5", "nan", "link 'trunk': value of <mass> is 'nan', expected a finite number"),
         ("1.5", "-1", "link 'trunk' has a mass of -1 kg, expected 0 kg or more"),
-        ("1.5", "1_5", "value of <mass> is '1_5', expected a finite number"),
         ("1.5", "１", "value of <mass> is '１', expected a finite number"),
         ('ixx="1"', 'ixx="inf"', "ixx of <inertia> is 'inf', expected a finite number"),
         ('iyy="1"', 'iyy="1e30"', "has iyy of 1e+30 kg·m², expected at most 4500 kg·m²"),
         ('xyz="0 0 0"', 'xyz="0 0"', "xyz of <origin> is '0 0', expected 3 finite numbers"),
-        ("1 2 3", "1 2 x", "size of <box> is '1 2 x', expected 3 finite numbers"),
         ('lower="-1"', 'lower="-inf"', "joint 'hip': lower of <limit> is '-inf'"),
-        ('effort="3"', 'effort="nan"', "joint 'hip': effort of <limit> is 'nan'"),
         ('effort="3"', 'effort="-3"', "has a limit of effort of -3 N·m, expected 0 N·m or more"),
-        ('velocity="4"', 'velocity="-4"', "velocity of -4 rad/s, expected 0 rad/s or more"),
         ('upper="2"', 'upper="-2"', "limits from -1 to -2 rad, expected the lower one first"),
         ('upper="2"', 'upper="90"', "has a limit of 90 rad, expected at most 12.6 rad"),
         ('joint="hip"', 'joint="tail"', "joint 'knee' mimics 'tail', expected another joint: hip"),
         ('joint="hip"', 'joint="knee"', "joint 'knee' mimics 'knee', expected another joint: hip"),
-        ('joint="hip"', "", "joint 'knee' mimics None, expected another joint: hip"),
         ('name="hip" ', "", "joint 'knee' mimics 'hip', expected another joint"),
     ],
 )
 def test_a_number_that_cannot_be_is_refused(before: str, after: str, message: str):
     (problem,) = problems_of((before, after))
     assert message in problem
-
-
-def test_all_problems_come_at_once():
-    found = problems_of(("1.5", "-1"), ('effort="3"', 'effort="nan"'), ('joint="hip"', 'joint="a"'))
-    assert [problem.split()[1].strip(":") for problem in found] == ["'trunk'", "'hip'", "'knee'"]
 
 
 INERTIAL = (
@@ -112,30 +102,19 @@ PAIR = [link(name, INERTIAL.format(mass=0.1, xx="1e-3")) for name in "ab"]
 LIMIT = '<limit lower="-1" upper="1" effort="{effort}" velocity="{speed}"/>'
 
 
-def test_limits_are_what_actuators_can_do(tmp_path: Path):
-    source = read(
-        tmp_path,
-        *PAIR,
-        hinge("strong", "a", inside=LIMIT.format(effort=3, speed=4)),
-        hinge("silent", "b", inside=LIMIT.format(effort=0, speed=0)),
-    )
-    assert source.actuators == {
-        "strong": ActuatorFigures(effort=3.0, speed=4.0),
-        "silent": ActuatorFigures(),
-    }
+def test_limits_are_what_actuators_can_do_and_a_joint_that_mimics_has_none(tmp_path: Path):
+    limits = [LIMIT.format(effort=effort, speed=speed) for effort, speed in ((3, 4), (0, 0))]
+    hinges = [hinge(*each) for each in (("strong", "a"), ("silent", "b"))]
+    hinges = [h.replace("</joint>", f"{x}</joint>") for h, x in zip(hinges, limits, strict=True)]
+    source = read(tmp_path, *PAIR, *hinges)
+    figures = ActuatorFigures(effort=3.0, speed=4.0)
+    assert source.actuators == {"strong": figures, "silent": ActuatorFigures()}
     assert source.notes == ()
-
-
-def test_a_joint_that_mimics_is_tied_and_has_no_actuator(tmp_path: Path):
-    source = read(
-        tmp_path,
-        *PAIR,
-        hinge("leader", "a", inside=LIMIT.format(effort=3, speed=4)),
-        hinge("tail", "b", inside='<limit/><mimic joint="leader" multiplier="-2"/>'),
-    )
-    assert [*source.actuators] == ["leader"]
+    mimic = '<limit/><mimic joint="strong" multiplier="-2"/>'
+    source = read(tmp_path, *PAIR, hinges[0], hinge("tail", "b", inside=mimic))
+    assert [*source.actuators] == ["strong"]
     (tie,) = source.ties
-    assert (tie.joints, tie.shares) == (("tail", "leader"), (1.0, 2.0))
+    assert (tie.joints, tie.shares) == (("tail", "strong"), (1.0, 2.0))
 
 
 @pytest.mark.parametrize("moment", ["0", "-1e-3", "1e-15"])
@@ -166,15 +145,15 @@ def test_a_shape_of_no_size_is_left_out(tmp_path: Path, size: str):
     assert source.notes == (f"link a: a box of size {size} is left out, expected more than 0",)
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "message"),
-    [
-        ('name="knee"', 'name="hip"', "2 joints are named 'hip', expected a name of its own"),
-        ('name="trunk"', 'name="leg"', "2 links are named 'leg', expected a name of its own"),
-    ],
-)
-def test_names_that_stand_twice_are_reported(before: str, after: str, message: str):
-    assert message in "; ".join(problems_of((before, after)))
+def test_all_problems_come_at_once():
+    found = problems_of(
+        ('name="knee"', 'name="hip"'), ("1.5", "-1"), ('name="trunk"', 'name="leg"')
+    )
+    for message in (
+        *("2 joints are named 'hip', expected a name of its own", "has a mass of -1 kg"),
+        "2 links are named 'leg', expected a name of its own",
+    ):
+        assert message in "; ".join(found)
 
 
 @pytest.mark.parametrize(

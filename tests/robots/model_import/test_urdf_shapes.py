@@ -116,22 +116,15 @@ def resolve(model: Path, *shapes: str) -> tuple[ET.Element, list[str], list[str]
 PART, NONE = '<mesh filename="meshes/Part.STL"/>', '<mesh filename="none.stl"/>'
 
 
-def test_shapes_that_collide_are_preferred(model: Path):
+def test_shapes_that_collide_are_preferred_and_those_for_the_eye_stand_in(model: Path):
     link, problems, notes = resolve(model, shape("visual", PART), shape("collision", "<box/>"))
     assert ([part.tag for part in link], problems, notes) == (["collision"], [], [])
-
-
-def test_those_for_the_eye_stand_in_where_meshes_are_missing(model: Path):
     link, problems, notes = resolve(model, shape("visual", PART), shape("collision", NONE))
     assert ([part.tag for part in link], problems) == (["visual"], [])
     assert "its visual shapes are used, as mesh 'none.stl'" in notes[0]
     assert next(link.iter("mesh")).get("filename") == "hull_0.stl"
-
-
-def test_without_any_that_can_be_read_all_are_named(model: Path):
-    _, problems, _ = resolve(model, shape("visual", NONE), shape("collision", NONE))
-    assert len(problems) == 1
-    assert "mesh 'none.stl' of link 'a' is not found" in problems[0]
+    _, (problem,), _ = resolve(model, shape("visual", NONE), shape("collision", NONE))
+    assert "mesh 'none.stl' of link 'a' is not found" in problem
 
 
 def test_pointers_of_git_lfs_are_reported_in_one_line(model: Path):

@@ -20,13 +20,6 @@ def directions_of(robot: Robot, arm: bool = True) -> dict[str, Array]:
     return {skeleton.root(link).name: direction for link, direction in found.items()}
 
 
-def test_links_are_long_towards_the_next_joint_and_the_last_towards_its_end(tmp_path: Path):
-    bodies = LEGS + limb("arm", "0 0 0.15", inside=limb("elbow", "0 0 -0.1"))
-    found = directions_of(make_robot(tmp_path, bodies))
-    assert found["arm_link"] == pytest.approx(DOWN)
-    assert found["elbow_link"] == pytest.approx(DOWN)
-
-
 def test_a_bracket_follows_the_long_link_below_it(tmp_path: Path):
     """Between two joints 5 mm apart, sideways, there is no direction of its own."""
     bracket = '<body name="bracket" pos="0 0 0.15"><joint name="turn" axis="0 0 1" range="-9 9"/>'

@@ -150,19 +150,6 @@ def test_longer_arms_reach_as_much_further_and_weigh_as_much_more(op3: Robot):
     assert forearm == pytest.approx([0.0, 0.5 * 0.6 * 0.164, 0.0])
 
 
-def test_a_stretched_upper_arm_has_the_inertia_of_its_second_moment(op3: Robot):
-    found = at_zero(reshape(op3, Body(arms=1.6)))[0].body("l_sho_roll_link")
-    moments = np.array(  # of the model file: about x, y, z, and the products, which are small
-        [[0.00022804, -1e-8, 3e-8], [-1e-8, 3.042e-05, 5.9e-7], [3e-8, 5.9e-7, 0.00023474]]
-    )
-    second = 0.5 * np.trace(moments) * np.eye(3) - moments
-    A = np.diag([1.0, 1.6, 1.0])
-    second = 1.6 * A @ second @ A
-    moments = np.trace(second) * np.eye(3) - second
-    assert sorted(found.inertia) == pytest.approx(np.linalg.eigvalsh(moments), rel=1e-3)
-    assert found.ipos == pytest.approx([-0.01844, 1.6 * 0.04514, 0.00028])
-
-
 def test_a_longer_torso_rises_above_the_hips(op3: Robot):
     tall = reshape(op3, Body(torso=2.2))
     for name, high in (("l_sho_pitch_link", 0.111), ("head_pan_link", 0.1365)):

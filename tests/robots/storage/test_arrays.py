@@ -28,7 +28,6 @@ ARRAYS = {
     "flags": np.array([True, False]),
     "seed": np.array(7),
 }
-GIGABYTE = 2**30
 
 
 def write_members(file: Path, members: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED):
@@ -43,22 +42,15 @@ def to_npy(array: np.ndarray) -> bytes:
     return stream.getvalue()
 
 
-def write_bomb(file: Path, size: int) -> None:
+def write_bomb(file: Path, size: int) -> Path:
     """Write an honest archive whose one array of zeros unpacks to ``size`` bytes."""
     with (
-        zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive,
+        zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
         archive.open("a.npy", "w", force_zip64=True) as stream,
     ):
         stream.write(header_of((size // 8,)))
         for _ in range(size // 2**20):
             stream.write(bytes(2**20))
-
-
-@pytest.fixture(scope="module")
-def gigabyte(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bomb of a gigabyte."""
-    file = tmp_path_factory.mktemp("bomb") / "a.npz"
-    write_bomb(file, GIGABYTE)
     return file
 
 
@@ -80,19 +72,17 @@ def test_what_was_saved_comes_back(tmp_path: Path):
         assert read[key].flags.writeable
 
 
-def test_a_bomb_is_refused_unread(gigabyte: Path, tmp_path: Path):
-    small = tmp_path / "a.npz"
-    write_bomb(small, MAX_BYTES + 2**20)
-    for file, size in ((small, MAX_BYTES), (gigabyte, GIGABYTE)):
-        assert file.stat().st_size < size // 500
-        with pytest.raises(ArchiveError, match=r"unpacks to \d+ bytes, expected at most"):
-            load_arrays(file, ("a",))
+def test_a_bomb_is_refused_unread(tmp_path: Path):
+    file = write_bomb(tmp_path / "a.npz", MAX_BYTES + 2**20)
+    assert file.stat().st_size < MAX_BYTES // 100
+    with pytest.raises(ArchiveError, match=r"unpacks to \d+ bytes, expected at most"):
+        load_arrays(file, ("a",))
 
 
-def test_a_bomb_that_lies_about_its_size_is_not_unpacked(gigabyte: Path, tmp_path: Path):
-    """The directory states 800 bytes for a gigabyte; its reader stays small."""
-    file = tmp_path / "a.npz"
-    content = bytearray(gigabyte.read_bytes())
+def test_a_bomb_that_lies_about_its_size_is_not_unpacked(tmp_path: Path):
+    """The directory states 800 bytes for many; its reader stays small."""
+    file = write_bomb(tmp_path / "a.npz", 300 * 2**20)
+    content = bytearray(file.read_bytes())
     entry = content.rindex(b"PK\x01\x02")
     content[entry + 24 : entry + 28] = struct.pack("<I", len(header_of((100,))) + 800)
     file.write_bytes(bytes(content))
@@ -106,7 +96,7 @@ def test_a_bomb_that_lies_about_its_size_is_not_unpacked(gigabyte: Path, tmp_pat
     result = subprocess.run(command, capture_output=True, text=True, check=True)
     message, peak = result.stdout.splitlines()
     assert "damaged" in message or "expected" in message
-    assert int(peak) < 500_000, "kilobytes of memory"
+    assert int(peak) < 250_000, "kilobytes of memory"
 
 
 @pytest.mark.parametrize(
@@ -150,9 +140,8 @@ def test_objects_are_not_unpickled(tmp_path: Path):
     assert not target.exists()
 
 
-@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_other_packings_are_refused(tmp_path: Path, method: int):
-    write_members(tmp_path / "a.npz", {"a.npy": to_npy(np.zeros(3))}, method)
+def test_other_packings_are_refused(tmp_path: Path):
+    write_members(tmp_path / "a.npz", {"a.npy": to_npy(np.zeros(3))}, zipfile.ZIP_BZIP2)
     with pytest.raises(ArchiveError, match="packed by method"):
         load_arrays(tmp_path / "a.npz", ("a",))
 
@@ -189,19 +178,16 @@ def test_no_flipped_bit_changes_an_array(tmp_path: Path):
     assert refused > 50
 
 
-@pytest.mark.parametrize("length", [0, 3, 4, 100, -1, -22, -300])
-def test_a_truncated_file_is_refused(tmp_path: Path, length: int):
+def test_a_truncated_or_too_large_file_is_refused(tmp_path: Path):
     file = tmp_path / "a.npz"
     save_arrays(file, ARRAYS)
-    file.write_bytes(file.read_bytes()[:length])
-    with pytest.raises(ArchiveError):
-        load_arrays(file, ARRAYS)
-
-
-def test_a_file_beyond_its_limit_is_refused(tmp_path: Path):
-    (tmp_path / "a.npz").write_bytes(bytes(1001))
-    with pytest.raises(ArchiveError, match="more than 1000 bytes"):
-        load_arrays(tmp_path / "a.npz", ("a",), max_bytes=1000)
+    content = file.read_bytes()
+    with pytest.raises(ArchiveError, match="more than 100 bytes"):
+        load_arrays(file, ARRAYS, max_bytes=100)
+    for length in (0, 3, 100, -1, -22, -300):
+        file.write_bytes(content[:length])
+        with pytest.raises(ArchiveError):
+            load_arrays(file, ARRAYS)
 
 
 def test_texts_and_numbers_are_distinguished_from_each_other():

@@ -19,13 +19,14 @@ from robots.storage.files import (
     write_atomically,
 )
 
-NOT_ROOT = pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 
-
-def test_text_and_bytes_are_written(tmp_path: Path):
+def test_text_and_bytes_are_written_with_the_permissions_that_were(tmp_path: Path):
+    (tmp_path / "text").write_text("old")
+    (tmp_path / "text").chmod(0o640)
     write_atomically(tmp_path / "text", "N·m\n")
     write_atomically(tmp_path / "bytes", b"\x00\xff")
     assert (tmp_path / "text").read_bytes() == b"N\xc2\xb7m\n"
+    assert stat.S_IMODE((tmp_path / "text").stat().st_mode) == 0o640
     assert (tmp_path / "bytes").read_bytes() == b"\x00\xff"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bytes", "text"]
 
@@ -38,14 +39,6 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path):
         _ = 1 / 0
     assert file.read_text() == "old"
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_an_old_file_keeps_its_permissions(tmp_path: Path):
-    file = tmp_path / "file"
-    file.write_text("old")
-    file.chmod(0o640)
-    write_atomically(file, "new")
-    assert stat.S_IMODE(file.stat().st_mode) == 0o640
 
 
 @pytest.mark.parametrize("exists", [True, False])
@@ -71,11 +64,6 @@ def test_a_directory_is_refused_before_the_work(tmp_path: Path):
     assert folder.is_dir()
 
 
-def test_a_missing_folder_is_an_error(tmp_path: Path):
-    with pytest.raises(FileNotFoundError):
-        write_atomically(tmp_path / "no" / "file", "new")
-
-
 def test_a_fifo_is_written_through(tmp_path: Path):
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
@@ -89,15 +77,9 @@ def test_a_fifo_is_written_through(tmp_path: Path):
     assert list(tmp_path.iterdir()) == [fifo]
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-def test_a_full_device_is_an_error_and_stays():
-    with pytest.raises(OSError, match="No space left"):
-        write_atomically(Path("/dev/full"), "new")
-    assert stat.S_ISCHR(Path("/dev/full").stat().st_mode)
-
-
-@pytest.mark.parametrize("through", ["/dev/stdout", "/proc/self/fd/1", "link"])
-@pytest.mark.parametrize("into", ["pipe", "file"])
+@pytest.mark.parametrize(
+    ("through", "into"), [("/dev/stdout", "pipe"), ("/proc/self/fd/1", "file"), ("link", "file")]
+)
 def test_standard_output_is_written_through(tmp_path: Path, through: str, into: str):
     link = tmp_path / "link"
     link.symlink_to("/dev/stdout")
@@ -116,13 +98,6 @@ def test_standard_output_is_written_through(tmp_path: Path, through: str, into: 
         subprocess.run(command, stdout=stream, check=True)
     assert file.read_bytes() == b"content"
     assert file.stat().st_ino == before, "the file behind standard output was replaced"
-
-
-@NOT_ROOT
-def test_a_folder_without_permission_is_an_error(tmp_path: Path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(PermissionError):
-        write_atomically(tmp_path / "file", "new")
 
 
 def test_a_file_is_read_up_to_its_limit_and_refused_beyond(tmp_path: Path):

@@ -26,18 +26,14 @@ def test_pointers_of_git_lfs_are_reported_in_one_line(tmp_path: Path):
     assert refusal == "'a.stl' is a Git LFS pointer, expected the file itself: run `git lfs pull`"
 
 
-@pytest.mark.parametrize("robot", ["human", "op3", "toddlerbot", "wolfgang"])
-def test_the_models_of_the_package_are_within_all_limits(robot: str):
-    assert find_file_problems(ROBOTS_FOLDER / robot / "model.xml") == []
+def test_the_models_of_the_package_are_within_all_limits():
+    for robot in ("human", "op3", "toddlerbot", "wolfgang"):
+        assert find_file_problems(ROBOTS_FOLDER / robot / "model.xml") == [], robot
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (
-            "<worldbody><replicate count='1000000000'><geom size='1'/></replicate></worldbody>",
-            "it makes 1000000000 copies of parts, expected at most 3000",
-        ),
         (
             "<worldbody><replicate count='1000'><replicate count='1000'><site/></replicate>"
             "</replicate></worldbody>",
@@ -78,20 +74,15 @@ def test_a_model_beyond_a_limit_is_refused(tmp_path: Path, content: str, message
     assert message in problems_of(tmp_path, content)
 
 
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
-        (["a.stl"], "'a.stl' is not found, expected in"),
-        (["a.stl", "b.stl", "c.stl"], "'a.stl' and 2 more that it names are not found"),
-    ],
-)
-def test_missing_meshes_are_counted_and_the_folder_is_named(
-    tmp_path: Path, names: list[str], message: str
-):
-    files = "".join(f"<mesh file='{name}'/>" for name in names)
-    found = problems_of(tmp_path, f"<compiler meshdir='parts'/><asset>{files}</asset>")
-    assert message in found
-    assert str(tmp_path / "parts") in found
+def test_missing_meshes_are_counted_and_the_folder_is_named(tmp_path: Path):
+    for names, message in (
+        ("a", "'a.stl' is not found, expected in"),
+        ("abc", "'a.stl' and 2 more that it names are not found"),
+    ):
+        files = "".join(f"<mesh file='{name}.stl'/>" for name in names)
+        found = problems_of(tmp_path, f"<compiler meshdir='parts'/><asset>{files}</asset>")
+        assert message in found
+        assert str(tmp_path / "parts") in found
 
 
 def test_a_path_that_mujoco_cannot_open_is_refused():

@@ -6,9 +6,11 @@ from pathlib import Path
 import filter_speed
 import inject_faults
 import kill_client
+import numpy as np
 import pytest
 import sit
 import soak
+from benchmark_scripts import load_script
 from inject_faults import FaultOptions, is_harmed
 
 from drivers.dynamixel.servo_states import ServoStates
@@ -79,3 +81,11 @@ def test_ways_down_are_played_under_each_limit_by_processes_as_by_one(tmp_path: 
 def test_the_filter_is_timed_beside_bare_physics(capsys: pytest.CaptureFixture[str]):
     filter_speed.main(filter_speed.FilterOptions(n=1))
     assert "one_thread" in capsys.readouterr().out
+
+
+def test_a_servo_that_falls_silent_in_a_rise_is_named_while_the_others_go_limp():
+    script = load_script("torque_ownership")
+    world = script.make_world("X")
+    trial = script.try_event(world, "rise", "silent servo", 40, np.random.default_rng(0))
+    assert (trial.end, trial.unsaid, trial.beyond_limits) == ("limp but for 1", 0, 0)
+    assert trial.safe_s < 0.15

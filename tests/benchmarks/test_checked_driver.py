@@ -1,5 +1,7 @@
 """What virtual servos did is counted: targets out of range, and the time until a robot is safe."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from checked_driver import ServoSnapshot, ServoTrace
@@ -47,24 +49,17 @@ def test_a_robot_is_safe_from_where_its_torque_is_off_or_its_targets_stay(virtua
 
 
 def test_targets_out_of_range_count_while_torque_is_on(virtual: VirtualRobot, tiny: Robot):
+    """A joint that is out of its range may be held where it is."""
+
+    def count(on: tuple[bool, bool], target: float) -> int:
+        return trace_of(virtual, *[(0.1 * k, on, target) for k in range(3)]).count_beyond_limits()
+
     beyond = float(tiny.upper[1]) + 0.1
-    rows = [(0.1 * k, ON, beyond) for k in range(3)]
-    assert trace_of(virtual, *rows).count_beyond_limits() == 2  # the first has none before it
-    limp = [(0.1 * k, OFF, beyond) for k in range(3)]
-    assert trace_of(virtual, *limp).count_beyond_limits() == 0
-    tick = float(tiny.upper[1]) + 0.9 * RAD_PER_TICK
-    assert trace_of(virtual, *[(0.1 * k, ON, tick) for k in range(3)]).count_beyond_limits() == 0
-
-
-def test_a_joint_out_of_its_range_may_be_held_where_it_is(virtual: VirtualRobot, tiny: Robot):
-    out = float(tiny.lower[1]) - 0.2
-    trace = trace_of(virtual, *[(0.1 * k, ON, out) for k in range(2)])
-    assert trace.count_beyond_limits() == 1
-    ticks = np.array([0.0, out])
-    trace.snapshots = [
-        ServoSnapshot(time=s.time, torque_on=s.torque_on, target=s.target, ticks=ticks)
-        for s in trace.snapshots
-    ]
+    assert count(ON, beyond) == 2  # the first has none before it
+    assert count(OFF, beyond) == 0
+    assert count(ON, float(tiny.upper[1]) + 0.9 * RAD_PER_TICK) == 0
+    trace = trace_of(virtual, *[(0.1 * k, ON, beyond) for k in range(3)])
+    trace.snapshots = [replace(s, ticks=np.array([0.0, beyond])) for s in trace.snapshots]
     assert trace.count_beyond_limits() == 0
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from benchmark_scripts import load_script
 from paths import SHARED
+from tiny_policies import state_of
 
-from drivers import State
 from robots import TorqueLimit, quaternion
 
 PEERS = SHARED / "peers"
@@ -41,13 +41,6 @@ def test_a_joint_that_keeps_its_direction_does_not_stop_at_a_step(peer):
     assert speed[1] == pytest.approx(0.0, abs=0.01)  # reverses
 
 
-@pytest.mark.parametrize(
-    ("side", "gravity_b"), [("prone", [0.6, 0.8, 0.0]), ("supine", [-0.6, 0.8, 0.0])]
-)
-def test_the_page_is_chosen_by_where_the_chest_faces(peer, side, gravity_b):
-    assert peer.select_page(np.array(gravity_b)) == side
-
-
 def test_a_robot_that_rolls_over_on_its_way_to_the_stance_plays_the_other_page(peer, op3, world):
     plan = peer.KeyframeRise(PEERS, world, TorqueLimit()).plan(None, None)
     player = peer.KeyframePlayer(world, plan.stance, plan.pages, None)
@@ -67,17 +60,8 @@ def test_a_robot_that_rolls_over_on_its_way_to_the_stance_plays_the_other_page(p
 def lie(op3, world, joint_pos, *, time, chest):
     """Measure a robot that lies still, its chest up (1) or down (-1)."""
     torso = np.array([np.sqrt(0.5), 0.0, -chest * np.sqrt(0.5), 0.0])
-    still = np.zeros(op3.n)
-    return State(
-        time=time,
-        joint_pos=joint_pos,
-        joint_vel=still,
-        joint_current=still,
-        gyro=np.zeros(3),
-        orientation=quaternion.multiply(torso, world.model.site(op3.imu_site).quat),
-        temperature=still + 25.0,
-        voltage=12.0,
-    )
+    imu = quaternion.multiply(torso, world.model.site(op3.imu_site).quat)
+    return state_of(op3, time, joint_pos=joint_pos, orientation=imu)
 
 
 @pytest.mark.slow  # half a minute

@@ -46,27 +46,21 @@ def test_without_a_disturbance_the_world_is_the_nominal_one(world: World):
         assert np.array_equal(getattr(same.model, field), getattr(world.model, field)), field
 
 
-def test_a_load_adds_its_mass_behind_the_robot(world: World):
+def test_masses_of_a_world_are_changed_by_what_is_said(world: World):
+    """A load adds its mass behind the robot; its center of mass moves with that of the torso."""
     mass, center = mass_and_center(world)
     loaded, moved = mass_and_center(OtherChange(load=0.3).build_world(world, 0.0))
     assert loaded == pytest.approx(mass + 0.3)
     assert moved[0] < center[0] - 0.005
-
-
-def test_the_center_of_mass_moves_with_that_of_the_torso(world: World):
     torso = world.model.body(world.robot.torso).id
     share = world.model.body_mass[torso] / world.model.body_subtreemass[torso]
-    _, center = mass_and_center(world)
     _, moved = mass_and_center(OtherChange(com_shift=0.005).build_world(world, 0.0))
     assert moved[0] - center[0] == pytest.approx(0.005 * share, rel=0.02)
-
-
-def test_every_link_is_heavier(world: World):
     heavier = WorldChange(mass=1.1).build_world(world, 0.0).model
     assert heavier.body_mass == pytest.approx(1.1 * world.model.body_mass)
 
 
-@pytest.mark.parametrize("case", ["slope +5 deg", "slope -5 deg", "step of 2 cm"])
+@pytest.mark.parametrize("case", ["slope -5 deg", "step of 2 cm"])
 def test_a_robot_settles_on_the_ground_that_its_judge_measures_from(world: World, fall, case):
     trial = CHANGES[case].disturb(world, fall, [5, 0])
     twin = Twin(trial.world, trial.start)

@@ -15,10 +15,7 @@ def progress(tmp_path: Path):
     return load_script("training_progress").TrainingProgress.read(tmp_path)
 
 
-def test_speed_is_counted_from_an_iteration_on(progress):
+def test_speed_is_counted_from_an_iteration_on_and_a_share_of_the_last_falls(progress):
     assert progress.steps_per_s(begin=1) == 50.0
-
-
-def test_a_share_is_that_of_the_last_falls(progress):
     # 12 of the last 15 iterations are from the 30th on at the 42nd.
     assert progress.share[[29, 41, 44]] == pytest.approx([0.0, 0.8, 1.0])

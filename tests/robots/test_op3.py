@@ -1,4 +1,4 @@
-"""The OP3's own description: its facts, its symmetry, its stance."""
+"""The OP3's own description: its facts, its symmetry, its stance, its shapes."""
 
 import json
 
@@ -9,9 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mirror_images import mirror_posture
 from nonempty import nonempty
-from paths import SHARED
+from paths import REPOSITORY, SHARED
 
-from robots import Posture, load_robot, quaternion
+from humanoid_getup.simulation.world import World
+from robots import Posture, Robot, load_robot, quaternion
+from robots.body.overlap import overlaps_at
+from robots.kinematics import place
 
 FACTS_FILE = SHARED / "robots" / "op3.json"
 OP3 = load_robot("op3")
@@ -113,3 +116,37 @@ def test_no_link_overlaps_another_at_zero_and_in_the_stance():
             position=np.array([0.0, 0.0, 1.0]), orientation=quaternion.IDENTITY, joint_pos=joint_pos
         )
         assert configured(posture).ncon == 0
+
+
+MESHES = SHARED / "models" / "op3-mesh"
+pytestmark = pytest.mark.skipif(not MESHES.exists(), reason="needs the mesh model in ../shared")
+SAMPLES = 1500
+
+
+@pytest.fixture(scope="module")
+def mesh_world(op3: Robot) -> World:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(REPOSITORY / "benchmarks"))
+        from mesh_robot import with_meshes  # pyright: ignore[reportMissingImports]
+    return World(with_meshes(op3, MESHES))
+
+
+def test_shapes_overlap_where_the_meshes_do(world: World, mesh_world: World, op3: Robot):
+    rng = np.random.default_rng(0)
+    depth = []
+    scratch = mujoco.MjData(world.model), mujoco.MjData(mesh_world.model)
+    for _ in range(SAMPLES):
+        posture = Posture(
+            position=np.array([0.0, 0.0, 1.0]),
+            orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+            joint_pos=rng.uniform(op3.lower, op3.upper),
+        )
+        both = zip((world, mesh_world), scratch, strict=True)
+        depth.append(
+            [overlaps_at(w.model, place(w.robot, w.model, posture), data).max() for w, data in both]
+        )
+    own, mesh = np.array(depth).T
+    clear, deep = 0.001, 0.006  # m
+    assert np.sum(mesh > deep) > SAMPLES / 4
+    assert np.sum((own > deep) & (mesh < clear)) <= 0.007 * SAMPLES  # 1.5 % with bounding boxes
+    assert np.sum((mesh > deep) & (own < clear)) <= 0.003 * SAMPLES

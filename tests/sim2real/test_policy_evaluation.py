@@ -74,33 +74,6 @@ def test_what_a_policy_asks_beyond_one_counts_as_one(action, world, falls, sign)
     np.testing.assert_array_equal(observed[:steps], observed[steps : 2 * steps])
 
 
-def test_a_record_has_every_period_and_every_step(op3, action, world, falls):
-    steps = []
-
-    rollouts = roll_out(world, action, falls[:3], idle(action), on_step=steps.append)
-    count = round(0.3 / (action.cycles * op3.control_period))
-    assert steps == list(range(count))
-    periods = count * action.cycles
-    assert rollouts.outcome.upright.shape == (3, periods)
-    assert rollouts.qpos.shape == (3, count, world.model.nq)
-    assert rollouts.outcome.head_impact.shape == (3,)
-    # Each robot begins in its own fall: 50 ms later it is still nearest to that.
-    distance = np.linalg.norm(rollouts.qpos[:, None, 0] - falls[None, :3], axis=2)
-    assert distance.argmin(axis=1).tolist() == [0, 1, 2]
-
-
-def test_noise_comes_from_the_random_source_alone(action, world, falls):
-    def follow(observations: np.ndarray) -> np.ndarray:
-        return observations[:, : action.size]
-
-    def run(rng):
-        return roll_out(world, action, falls[:2], follow, rng=rng).qpos
-
-    np.testing.assert_array_equal(run(None), run(None))
-    np.testing.assert_array_equal(run(np.random.default_rng(1)), run(np.random.default_rng(1)))
-    assert np.abs(run(None) - run(np.random.default_rng(1))).max() > 1e-6
-
-
 def test_the_torque_limit_is_observed_and_the_last_positions_are_kept(op3, action, world, falls):
     sim = TrainingSim(world, 2, cycles=action.cycles, threads=1)
     limits = DomainParameters.nominal(world, 2, torque_limit=2.05)

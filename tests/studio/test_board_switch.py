@@ -26,30 +26,21 @@ def make_page(server: Any) -> Any:
     return page
 
 
-def test_a_board_that_is_shown_hides_the_other_one(server: Any):
+def test_a_board_that_is_shown_hides_the_other_one_unless_it_cannot_be_drawn(server: Any):
     page = make_page(server)
     first, second = (PlotBoard(server, name, 0.5) for name in ("/first", "/second"))
     switches = [BoardSwitch(page, "Show", board) for board in (first, second)]
     assert not first.visible
-    switches[0].show()
-    assert (first.visible, second.visible) == (True, False)
-    switches[1].show()
-    assert (first.visible, second.visible) == (False, True)
-    switches[1].show()
-    assert (first.visible, second.visible) == (False, True)
+    for k, shown in ((0, (True, False)), (1, (False, True)), (1, (False, True))):
+        switches[k].show()
+        assert (first.visible, second.visible) == shown
     switches[1].hide()
     assert (first.visible, second.visible) == (False, False)
-
-
-def test_a_board_that_cannot_be_drawn_leaves_the_other_one_in_its_place(server: Any):
-    page = make_page(server)
-    first, second = (PlotBoard(server, name, 0.5) for name in ("/first", "/second"))
 
     def refuse() -> None:
         raise ValueError("nothing to draw")
 
-    drawn, empty = BoardSwitch(page, "Show", first), BoardSwitch(page, "Show", second, refuse)
-    drawn.show()
+    switches[0].show()
     with pytest.raises(ValueError, match="nothing to draw"):
-        empty.show()
+        BoardSwitch(page, "Show", second, refuse).show()
     assert (first.visible, second.visible) == (True, False)

@@ -126,20 +126,15 @@ def motions(op3: Robot) -> list[Keyframes]:
 places = st.integers(0, 15)
 
 
-@given(place=places)
-def test_a_motion_mirrored_twice_is_itself(op3: Robot, motions: list[Keyframes], place: int):
+@given(place=places, key=st.integers(0, 20))
+def test_a_key_that_is_inserted_and_deleted_leaves_the_others_and_two_mirrors_the_motion(
+    op3: Robot, motions: list[Keyframes], place: int, key: int
+):
     editor, motion = KeyEditor(robot=op3), motions[place]
     again = editor.mirror(editor.mirror(motion))
     np.testing.assert_array_equal(again.keys, motion.keys)
     assert (again.name, again.start_class) == (motion.name, motion.start_class)
     assert (again.end_class, *again.duration) == (motion.end_class, *motion.duration)
-
-
-@given(place=places, key=st.integers(0, 20))
-def test_a_key_that_is_inserted_and_deleted_leaves_the_others(
-    op3: Robot, motions: list[Keyframes], place: int, key: int
-):
-    editor, motion = KeyEditor(robot=op3), motions[place]
     after = key % editor.count(motion)
     longer = editor.insert(motion, after, op3.standing.joint_pos)
     assert len(longer.keys) == len(longer.duration) + 1 == len(motion.keys) + 1

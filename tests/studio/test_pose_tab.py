@@ -92,7 +92,9 @@ def test_a_torso_is_dragged_down_over_feet_that_stay(browser: "Browser"):
             np.testing.assert_allclose(after[name].position, sole.position, atol=1e-3)
 
 
-def test_a_joint_is_turned_with_its_partner(browser: "Browser"):
+def test_a_joint_is_turned_with_its_partner_and_falls_of_a_class_are_stepped_through(
+    browser: "Browser",
+):
     with open_studio(browser) as (studio, window):
         names = studio.page.world.robot.joint_names
         window.tick("Mirrored")
@@ -104,10 +106,6 @@ def test_a_joint_is_turned_with_its_partner(browser: "Browser"):
             lambda: np.allclose(studio.page.start.joint_pos[turned], arrived), LONGEST
         )
         np.testing.assert_allclose(studio.page.start.joint_pos[turned], arrived)
-
-
-def test_falls_of_a_class_are_stepped_through(browser: "Browser"):
-    with open_studio(browser) as (studio, window):
         window.type("Falls", "2")
         window.click("Random fall")
         window.see("Fall 1 of 2 that settled supine, seed 0.")

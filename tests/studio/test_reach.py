@@ -14,7 +14,7 @@ pytest.importorskip("mink")
 from humanoid_getup.studio.inverse_kinematics import EndPose
 from humanoid_getup.studio.pose_robot import mirror_turned, turn_joint
 from humanoid_getup.studio.reach import LEAP, Drag, Reach
-from robots import Posture, Robot, load_robot, quaternion
+from robots import Posture, Robot, load_robot
 from robots.body.limb import LIMB_NAMES
 
 ROBOTS = ("op3", "toddlerbot")
@@ -92,15 +92,6 @@ def test_a_leg_stretches_towards_a_target_out_of_reach(reach: Reach):
     assert lowest <= min(reach.locate(each, "left_leg").position[2] for each in postures)
 
 
-def test_a_stretched_leg_finds_the_way_to_bend(reach: Reach):
-    robot, angles = reach.robot, reach.robot.standing.joint_pos.copy()
-    angles[list(reach.list_joints("left_leg"))] = 0.0
-    straight = replace(robot.standing, joint_pos=np.clip(angles, robot.lower, robot.upper))
-    target = move(reach.locate(straight, "left_leg"), np.array([0.0, 0.0, 0.03]))
-    found = reach.move_limb(straight, "left_leg", target)
-    assert measure_miss(reach, found, "left_leg", target) < MILLIMETER
-
-
 @settings(max_examples=25)
 @given(shift=SHIFTS, lowered=st.floats(0.0, 1.0))
 def test_soles_stay_under_a_dragged_torso_whether_it_arrives_or_not(
@@ -117,23 +108,13 @@ def test_soles_stay_under_a_dragged_torso_whether_it_arrives_or_not(
         assert is_within_limits(robot, found)
 
 
-@pytest.mark.parametrize("share", [0.02, 0.06, 0.1])
+@pytest.mark.parametrize("share", [0.02, 0.1])
 def test_a_torso_is_lowered_over_its_feet(reach: Reach, share: float):
     robot = reach.robot
     down = np.array([0.0, 0.0, -share * robot.standing_neck_height])
     target = move(reach.locate(robot.standing, "torso"), down)
     drag = Drag(reach, robot.standing, "torso", mirrored=False, feet_stay=True)
     assert measure_miss(reach, drag.finish(target), "torso", target) < MILLIMETER
-
-
-def test_without_feet_that_stay_the_whole_robot_moves(reach: Reach):
-    start = reach.robot.standing
-    turned = quaternion.from_yaw(1.0)
-    target = EndPose(position=np.array([1.0, 2.0, 3.0]), orientation=turned)
-    found = Drag(reach, start, "torso", mirrored=False, feet_stay=False).to(target)
-    assert np.array_equal(found.position, target.position)
-    np.testing.assert_allclose(found.orientation, turned)
-    assert np.array_equal(found.joint_pos, start.joint_pos)
 
 
 @settings(max_examples=15)
@@ -186,18 +167,3 @@ def test_passive_joints_follow_a_dragged_leg(tmp_path: Path, op3: Robot):
     found = reach.move_limb(robot.standing, "left_leg", target)
     # `locate` places passive joints where their equality puts them.
     assert measure_miss(reach, found, "left_leg", target) < MILLIMETER
-
-
-def test_a_limb_that_is_stuck_tries_other_ways_to_bend():
-    reach, rng = Reach(load_robot("op3")), np.random.default_rng(1)
-    robot, missed = reach.robot, {True: 0, False: 0}
-    for _ in range(16):
-        start, goal = (
-            replace(robot.standing, joint_pos=rng.uniform(robot.lower, robot.upper))
-            for _ in range(2)
-        )
-        target = reach.locate(goal, "right_arm")
-        for retries in missed:
-            found = reach.move_limb(start, "right_arm", target, retries=retries)
-            missed[retries] += measure_miss(reach, found, "right_arm", target) > MILLIMETER
-    assert missed[True] < missed[False] / 2

@@ -1,6 +1,6 @@
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 from studio_page import open_studio
@@ -8,7 +8,6 @@ from waiting import wait_until
 
 pytest.importorskip("viser", reason="needs the studio extra")
 
-from humanoid_getup.studio.workspace import TABS
 from robots.robot import ROBOTS_FOLDER
 
 if TYPE_CHECKING:
@@ -69,33 +68,6 @@ def test_a_scene_file_within_the_folders_is_found(browser: "Browser", tmp_path: 
         window.see("op3, step")
         wait_until(lambda: studio.page.request.scene.endswith("step.toml"))
         assert [each.name for each in studio.page.world.scene.obstacles] == ["step"]
-
-
-def test_a_page_that_cannot_be_filled_is_filled_as_it_was(
-    browser: "Browser", monkeypatch: pytest.MonkeyPatch
-):
-    with open_studio(browser) as (studio, window):
-        monkeypatch.setitem(TABS, "Style", fail_once(TABS["Style"]))
-        window.page.get_by_text("op3, flat").click()
-        window.choose("Scene", "ice")
-        window.click("Open")
-        window.see("no tab")
-        wait_until(lambda: studio.page.request.scene == "flat")
-        window.click("Random fall")
-        window.see("A fall that settled supine")
-
-
-def fail_once(tab: Any) -> Any:
-    """Make a tab that fails the first time it is made."""
-    failed = list[bool]()
-
-    def make(page: Any) -> object:
-        if not failed:
-            failed.append(True)
-            raise ValueError("no tab")
-        return tab(page)
-
-    return make
 
 
 def test_nothing_is_opened_while_a_job_runs(browser: "Browser"):

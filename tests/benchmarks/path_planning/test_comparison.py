@@ -45,7 +45,9 @@ def pose(op3: Robot, maker: ProblemMaker) -> Pose:
 
 
 @pytest.mark.parametrize("name", PLANNERS)
-def test_a_path_is_free_and_leads_from_start_to_goal(pose: Pose, maker: ProblemMaker, name: str):
+def test_a_path_is_free_leads_from_start_to_goal_and_is_that_of_its_seed_and_budget(
+    pose: Pose, maker: ProblemMaker, name: str
+):
     found = 0
     for number in (0, 1):
         problem = pose(number)
@@ -57,20 +59,10 @@ def test_a_path_is_free_and_leads_from_start_to_goal(pose: Pose, maker: ProblemM
                 assert abs(node[:4] @ end[:4]) == pytest.approx(1.0)
                 assert node[4:] == pytest.approx(end[4:])
     assert found > 0
-
-
-@pytest.mark.parametrize("name", PLANNERS)
-def test_the_same_seed_searches_the_same_and_another_something_else(
-    pose: Pose, maker: ProblemMaker, name: str
-):
     one, same, other = (maker.attempt(pose(0), PLANNERS[name], seed, SMALL) for seed in (7, 7, 8))
     assert (one.checks, one.length, len(one.path)) == (same.checks, same.length, len(same.path))
     assert np.array_equal(one.path, same.path)
     assert one.checks != other.checks
-
-
-@pytest.mark.parametrize("name", PLANNERS)
-def test_a_search_ends_with_its_budget(pose: Pose, maker: ProblemMaker, name: str):
     attempt = maker.attempt(pose(1), PLANNERS[name], 5, Budget(checks=30))
     assert not attempt.path
     assert attempt.length is None

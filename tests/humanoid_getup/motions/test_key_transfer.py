@@ -43,8 +43,14 @@ def measure_error(source: Limbs, target: Limbs, key: Array, found: Array) -> flo
     return float(np.degrees(np.arccos(np.clip(min(cosines), -1.0, 1.0))))
 
 
-@pytest.mark.parametrize("name", ["squat_to_stand", "prone_push_up_gentle", "lateral_side_sit"])
-@pytest.mark.parametrize("target", ["op3", "renamed"])
+@pytest.mark.parametrize(
+    ("name", "target"),
+    [
+        ("squat_to_stand", "renamed"),
+        ("prone_push_up_gentle", "op3"),
+        ("lateral_side_sit", "renamed"),
+    ],
+)
 def test_limbs_point_as_those_of_the_source(name, target, op3, renamed, keyframes):
     transfer = KeyTransfer.between(op3, {"op3": op3, "renamed": renamed}[target])
     moved = transfer.transfer(keyframes[name])
@@ -62,10 +68,9 @@ def test_a_symmetric_motion_stays_symmetric(op3: Robot, renamed: Robot, keyframe
     assert renamed.mirror_joints(moved.keys) == pytest.approx(moved.keys, abs=1e-9)
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.0, 4.0])
-def test_times_grow_with_the_square_root_of_the_height(factor: float, op3: Robot, keyframes):
-    tall = replace(op3, standing_neck_height=factor * op3.standing_neck_height)
+def test_times_grow_with_the_square_root_of_the_height(op3: Robot, keyframes):
+    tall = replace(op3, standing_neck_height=4.0 * op3.standing_neck_height)
     transfer = KeyTransfer(Limbs(op3), Limbs(tall))
-    assert transfer.time_scale == pytest.approx(np.sqrt(factor))
+    assert transfer.time_scale == pytest.approx(2.0)
     own = keyframes["squat_to_stand"]
-    assert transfer.transfer(own).duration == pytest.approx(np.sqrt(factor) * own.duration)
+    assert transfer.transfer(own).duration == pytest.approx(2.0 * own.duration)

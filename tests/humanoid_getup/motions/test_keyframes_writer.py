@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from authored import load_robot_keyframes
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from humanoid_getup.motions.keyframes import Keyframes
@@ -33,14 +33,15 @@ def assert_same(read: Keyframes, written: Keyframes, *, degrees: float = 0.0051)
         assert getattr(read, field) == pytest.approx(getattr(written, field))
 
 
-@pytest.mark.parametrize("authored", AUTHORED, ids=lambda each: each.name)
-def test_what_people_wrote_is_read_back_as_it_was(authored: Keyframes, tmp_path: Path, op3: Robot):
-    save_keyframes(tmp_path / "keys.toml", [authored], op3)
-    (read,) = load_keyframes(tmp_path / "keys.toml", op3)
-    # The stance has more decimals than a file: all other angles are whole degrees.
-    assert_same(read, authored, degrees=0.0051 if authored.start_class == "standing" else 1e-9)
+def test_what_people_wrote_is_read_back_as_it_was(tmp_path: Path, op3: Robot):
+    save_keyframes(tmp_path / "keys.toml", AUTHORED, op3)
+    for read, authored in zip(load_keyframes(tmp_path / "keys.toml", op3), AUTHORED, strict=True):
+        # The stance has more decimals than a file: all other angles are whole degrees.
+        standing = authored.start_class == "standing"
+        assert_same(read, authored, degrees=0.0051 if standing else 1e-9)
 
 
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), number=st.integers(0, len(AUTHORED) - 1))
 def test_what_a_search_changed_is_read_back_within_the_rounding(
     seed: int, number: int, tmp_path_factory: pytest.TempPathFactory, op3: Robot
@@ -83,7 +84,7 @@ def test_what_is_appended_leaves_the_text_before_it_alone(file: Path, op3: Robot
     ]
 
 
-@pytest.mark.parametrize("number", [0, 5, len(AUTHORED) - 1])
+@pytest.mark.parametrize("number", [0, len(AUTHORED) - 1])
 def test_only_the_tables_that_are_replaced_change(number: int, file: Path, op3: Robot):
     before = file.read_text("utf-8")
     replace_keyframes(file, [replace(AUTHORED[number], torque_limit=3.3)], op3)

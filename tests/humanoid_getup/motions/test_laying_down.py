@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts.falls import CLASSES, classify
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.build import lay_down, lay_on_side
 from humanoid_getup.simulation.world import World
 from robots import load_robot
@@ -18,7 +18,7 @@ def find_side(world: World, qpos: np.ndarray) -> str | None:
     return classify(qpos[world.robot.layout(world.model).root_orientation])
 
 
-@pytest.mark.parametrize("side", CLASSES)
+@pytest.mark.parametrize("side", ["prone", "left"])
 def test_op3_stays_on_each_side_with_the_joints_of_its_stance(world: World, side):
     laid = lay_on_side(world, side, np.random.default_rng(0))
     assert laid is not None

@@ -49,9 +49,7 @@ def test_scenarios_cover_several_torque_limits_in_the_robots_own_mode(world, sta
     assert {LIMIT_MODES[mode] for mode in parameters.limit_by} == {TorqueLimit().on(world.robot).by}
     np.testing.assert_allclose(starts[:2], np.tile(start, (2, 1)), atol=0.01)
     assert len(np.unique(starts[2:], axis=0)) == len(starts) - 2
-
-
-def test_no_scenario_has_more_torque_than_permitted(world, start):
+    # None has more torque than permitted.
     rng = np.random.default_rng(0)
     scenarios = make_scenarios(world, start, 2.7, 11, USUAL, rng, bounds=(0.0, 2.7))
     limits = scenarios.parameters.torque_limit

@@ -40,24 +40,20 @@ def test_no_figure_that_grows_makes_a_rise_cheaper(name, values, figure, more):
     assert preference.cost(worse)[0] >= preference.cost(figures)[0]
 
 
-@pytest.mark.parametrize(
-    ("name", "figure"),
-    [("time", "stand_time"), ("torque", "rms_torque"), ("impact", "neck_delta_v")],
-)
-def test_a_preference_counts_most_what_it_is_named_after(name, figure):
+def test_a_preference_counts_most_what_it_is_named_after():
     """Beside a share of what is usual: 3 s, 4 N·m, 0.5 N·m, 0.3 m/s."""
     usual = make_figures(3.0, 4.0, 0.5, 0.3, 0.0)
-    spared = {
-        f: Preference.of(name).cost(usual)[0]
-        - Preference.of(name).cost(replace(usual, **{f: 0.9 * getattr(usual, f)}))[0]
-        for f in ("stand_time", "rms_torque", "neck_delta_v")
-    }
-    assert max(spared, key=spared.__getitem__) == figure
+    names = {"stand_time": "time", "rms_torque": "torque", "neck_delta_v": "impact"}
+    for figure, name in names.items():
+        cost = Preference.of(name).cost
+        less = {f: replace(usual, **{f: 0.9 * getattr(usual, f)}) for f in names}
+        spared = {f: cost(usual)[0] - cost(fewer)[0] for f, fewer in less.items()}
+        assert max(spared, key=spared.__getitem__) == figure, name
 
 
-@pytest.mark.parametrize("name", PREFERENCE_NAMES)
-def test_touching_itself_firmly_costs_a_second(name):
-    preference = Preference.of(name)
+def test_touching_itself_firmly_costs_a_second():
     free, firm = (make_figures(3.0, 4.0, 0.5, 0.3, share * DEEP_OVERLAP) for share in (0.9, 1.1))
-    assert preference.cost(firm)[0] > preference.cost(free)[0] + 0.99
     assert (free.collides[0], firm.collides[0]) == (False, True)
+    for name in PREFERENCE_NAMES:
+        cost = Preference.of(name).cost
+        assert cost(firm)[0] > cost(free)[0] + 0.99, name

@@ -65,41 +65,30 @@ def search(world: World, keyframes: Keyframes, log: SearchLog | None, stop: int 
     return *optimizer.optimize(keyframes, GENERATIONS, 7, report, log), reports
 
 
-@pytest.fixture(scope="module")
-def uninterrupted(world: World, keyframes: Keyframes):
-    """Result, share and reports of a search that nothing interrupts."""
-    return search(world, keyframes, None)
-
-
-@pytest.mark.parametrize("stop", [1, 2])
 def test_an_interrupted_search_finds_what_another_one_finds(
-    stop: int, uninterrupted, world: World, keyframes: Keyframes, tiny: Robot, tmp_path: Path
+    world: World, keyframes: Keyframes, tiny: Robot, tmp_path: Path, monkeypatch
 ):
-    whole, share, reports = uninterrupted
+    """What its log has is not simulated again."""
+    whole, share, reports = search(world, keyframes, None)
     path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
     with pytest.raises(Interrupted):
-        search(world, keyframes, SearchLog.begin(path, task), stop)
+        search(world, keyframes, SearchLog.begin(path, task), 2)
     log = SearchLog.resume(path, task)
-    assert len(log.generations) == stop
+    assert len(log.generations) == 2
+    played, play = [], Experiment.play
+
+    def count(*args: object, **options: object) -> object:
+        played.append(len(args[1]))
+        return play(*args, **options)
+
+    monkeypatch.setattr(Experiment, "play", count)
     resumed, same_share, same_reports = search(world, keyframes, log)
+    assert played.count(POPULATION * optimization.SCENARIOS) == GENERATIONS - 2
     np.testing.assert_array_equal(resumed.keys, whole.keys)
     np.testing.assert_array_equal(resumed.duration, whole.duration)
     assert (same_share, same_reports) == (share, reports)
-    assert len(SearchLog.resume(path, task).generations) == GENERATIONS
-
-
-def test_what_the_log_has_is_not_simulated_again(world, keyframes, tiny, tmp_path, monkeypatch):
-    path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
-    log = SearchLog.begin(path, task)
-    search(world, keyframes, log)
-    optimizer = TrajectoryOptimizer(world, settle(world, keyframes))
-    played = []
-    play = Experiment.play
-    monkeypatch.setattr(Experiment, "play", lambda *a: played.append(len(a[1])) or play(*a))
-    optimizer.optimize(keyframes, GENERATIONS + 1, 7, log=log)
-    assert played.count(POPULATION * optimization.SCENARIOS) == 1
-    assert len(log.generations) == GENERATIONS + 1
-    assert all(len(each.cost) == POPULATION for each in log.generations)
+    generations = SearchLog.resume(path, task).generations
+    assert [len(each.cost) for each in generations] == [POPULATION] * GENERATIONS
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"recipe": {}, "done": {"1": {"cost": "x"}}}'])

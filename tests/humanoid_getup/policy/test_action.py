@@ -53,19 +53,13 @@ def test_mirrored_numbers_make_mirrored_targets(seed: int, mode: ActionMode):
 
 
 @given(seed=SEEDS, mode=MODES)
-def test_a_target_moves_no_further_than_its_reach_and_stays_in_range(seed: int, mode: ActionMode):
-    target, measured, down, action = sample(seed)
-    following = next_target(OP3, spec_of(mode), target, measured, down, action)
-    assert np.all(np.abs(following - target) <= SPEC.reach + 1e-12)
-    assert np.all((following >= OP3.lower - 1e-12) & (following <= OP3.upper + 1e-12))
-
-
-@given(seed=SEEDS, mode=MODES)
-def test_a_target_leads_no_further_than_allowed_or_comes_back_as_fast_as_it_can(
+def test_a_target_keeps_to_its_reach_range_and_lead_or_comes_back_as_fast_as_it_can(
     seed: int, mode: ActionMode
 ):
     target, measured, down, action = sample(seed)
     following = next_target(OP3, spec_of(mode), target, measured, down, action)
+    assert np.all(np.abs(following - target) <= SPEC.reach + 1e-12)
+    assert np.all((following >= OP3.lower - 1e-12) & (following <= OP3.upper + 1e-12))
     nearest = np.clip(measured, OP3.lower, OP3.upper)  # a target may not leave its range for it
     ahead = np.abs(following - nearest) > SPEC.lead + 1e-12
     came_back = np.abs(target - nearest) - np.abs(following - nearest)
@@ -122,7 +116,7 @@ def test_rates_slow_down_upright_and_near_home():
             assert calm.share(gravity, np.array([offset])) == pytest.approx([share])
 
 
-def test_directions_of_a_pair_worked_out_by_hand(op3: Robot):
+def test_directions_of_pairs_move_both_sides_together_and_apart_if_they_may(op3: Robot):
     # The left knee is positive where the right one is negative: alike is (+, -), contrary (+, +).
     spec = build_action_spec(op3, ("l_knee",), ("l_knee",))
     left, right = (op3.joint_names.index(name) for name in ("l_knee", "r_knee"))
@@ -131,16 +125,13 @@ def test_directions_of_a_pair_worked_out_by_hand(op3: Robot):
     assert spec.directions[1, [left, right]] == pytest.approx([0.5, 0.5])
     assert np.count_nonzero(spec.directions) == 4
     assert spec.mirror_sign(op3) == pytest.approx([1.0, -1.0])
-
-
-def test_who_gets_up_moves_both_sides_together_and_apart_if_it_may(op3: Robot):
     k = len(op3.rising_joints)
-    narrow, spec = choose_actions(op3, wide=False), choose_actions(op3, wide=True)
+    narrow, wide = choose_actions(op3, wide=False), choose_actions(op3, wide=True)
     assert narrow.size == k
     both = k + len(op3.spreading_joints)
-    assert spec.mirror_sign(op3).tolist() == [1.0] * both + [-1.0] * both
-    assert spec.names[:k] == narrow.names
-    assert spec.homing.tolist() == narrow.homing.tolist()
+    assert wide.mirror_sign(op3).tolist() == [1.0] * both + [-1.0] * both
+    assert wide.names[:k] == narrow.names
+    assert wide.homing.tolist() == narrow.homing.tolist()
 
 
 def test_a_policy_step_is_cut_into_equal_parts_that_end_at_the_target():

@@ -19,10 +19,13 @@ PERIOD = OP3.control_period
 CONTRACT = PolicyContract.of(OP3, ACTION, PERIOD, {"recipe": "quick", "seed": 3, "hours": 0.25})
 
 
-def test_a_contract_fits_the_robot_that_it_was_made_for():
+def test_a_contract_fits_the_robot_that_it_was_made_for_to_a_hundredth_of_its_gains():
     assert CONTRACT.find_mismatches(OP3, PERIOD) == []
     assert CONTRACT.rate_hz == pytest.approx(1.0 / 0.048)
     assert CONTRACT.observation_size == sum(term.size for term in list_terms(OP3, ACTION))
+    gain, torque = 1.009 * OP3.position_gain, 0.991 * OP3.max_torque
+    close = replace(CONTRACT, position_gain=gain, max_torque=torque)
+    assert close.find_mismatches(OP3, PERIOD) == []
 
 
 def test_a_contract_survives_the_trip_through_json_to_the_last_bit():
@@ -46,12 +49,8 @@ WRONG = [
     ({"mode": "torque"}, "action mode: 'torque', expected absolute, offset, rate"),
     ({"control_period": 0.01}, "rate: 20.83 Hz with a control period of 10 ms, here 20.83 Hz"),
     ({"rate_hz": 50.0}, "rate: 50.00 Hz with a control period of 8 ms, here 20.83 Hz"),
-    ({"cycles": 5}, "rate: 20.83 Hz with a control period of 8 ms, here 25.00 Hz"),
     ({"imu_frame": "z down"}, "IMU frame: 'z down', here 'gravity and gyro in the torso's"),
-    (
-        {"joints": swapped(OP3.joint_names)},
-        f"joint order: '{OP3.joint_names[1]}' in place of '{OP3.joint_names[0]}'",
-    ),
+    ({"joints": swapped(OP3.joint_names)}, "joint order: 'l_sho_pitch' in place of 'r_sho_pitch'"),
     ({"joints": (*OP3.joint_names[1:], "tail")}, "joints: it lacks r_sho_pitch and it has tail"),
     ({"observation": swapped(CONTRACT.observation)}, "observation: gyro[3] gravity[3]"),
     ({"observation": (*CONTRACT.observation, Term("mood", 2))}, "torque_share[1] mood[2], here"),
@@ -59,10 +58,8 @@ WRONG = [
     ({"directions": ACTION.directions[:-1]}, "directions: shape (6, 20), expected (7, 20)"),
     ({"position_gain": 1.02 * OP3.position_gain}, "gains: joint 'r_sho_pitch' 19.25 N·m/rad, here"),
     ({"max_torque": 0.98 * OP3.max_torque}, "torque: joint 'r_sho_pitch' 4.02 N·m, here 4.10 N·m"),
-    ({"max_torque": np.ones(3)}, "max torque: shape (3,), expected (20,)"),
     ({"home": bent(ACTION.home)}, "home angles: joint 'l_knee' +1.090 rad, here +0.890 rad"),
     ({"reach": 0.0 * ACTION.reach}, "reach: joint 'r_sho_pitch' 0 rad, expected > 0 rad"),
-    ({"reach": -ACTION.reach}, "reach: joint 'r_sho_pitch' -0."),
     ({"reach": 2.0 * ACTION.reach}, "speed: targets of joint 'r_sho_pitch' move at"),
 ]
 
@@ -80,15 +77,6 @@ def test_all_that_does_not_fit_is_reported_at_once():
     mismatches = change(CONTRACT, **changes).find_mismatches(OP3, PERIOD)
     begins = ["robot", "action mode", "rate", "IMU frame", "joints", "gains", "torque"]
     assert [line.split(":")[0] for line in mismatches] == [*begins, "home angles", "speed"]
-
-
-def test_gains_and_torques_may_differ_by_a_hundredth():
-    close = replace(
-        CONTRACT,
-        position_gain=1.009 * OP3.position_gain,
-        max_torque=0.991 * OP3.max_torque,
-    )
-    assert close.find_mismatches(OP3, PERIOD) == []
 
 
 def test_all_that_is_missing_or_wrong_in_the_text_is_reported_at_once():

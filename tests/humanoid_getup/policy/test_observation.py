@@ -10,11 +10,9 @@ from humanoid_getup.policy.observation import (
     Sensed,
     compute_torque_share,
     list_terms,
-    mirror_of_actions,
-    mirror_of_observation,
     observe,
 )
-from robots import Robot, load_robot
+from robots import load_robot
 
 OP3 = load_robot("op3")
 ACTION = build_action_spec(OP3, OP3.rising_joints, ("l_knee",))
@@ -67,19 +65,3 @@ def test_every_term_is_where_the_list_says():
     assert [len(part) for part in parts] == sizes
     for value, part in enumerate(parts, start=1):
         assert part == pytest.approx(np.full(len(part), value))
-
-
-def test_lying_on_one_side_is_the_mirror_of_lying_on_the_other(op3: Robot):
-    rest = op3.standing.joint_pos
-
-    def lie(y: float, roll_speed: float) -> np.ndarray:
-        sensed = Sensed(
-            gravity=np.array([0.0, y, 0.0]),
-            gyro=np.array([roll_speed, 0.5, 0.0]),
-            joint_pos=rest,
-            joint_vel=np.zeros(op3.n),
-        )
-        return observe(op3, sensed, rest, np.zeros(ACTION.size), np.ones(1))
-
-    mirror = mirror_of_observation(op3, mirror_of_actions(op3, ACTION))
-    assert mirror(lie(1.0, 2.0)) == pytest.approx(lie(-1.0, -2.0))

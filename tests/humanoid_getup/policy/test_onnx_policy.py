@@ -67,27 +67,18 @@ def refuse(folder: Path, robot: Robot, message: str) -> None:
         OnnxPolicy.load(folder / "p.onnx", robot, PERIOD)
 
 
-def test_targets_move_evenly_from_one_decision_to_the_next(tiny: Robot, tmp_path: Path):
-    """The one number is 0.3: so much of a calm robot's rate a step, a sixth of it a cycle."""
-    policy = begin(save_policy(tmp_path / "p.onnx", tiny, bias=0.3), tiny)
-    sent = [policy.step(state_of(tiny, k * PERIOD)).joint_pos for k in range(12)]
-    step = 0.3 * policy.action.calm.least * policy.action.scale / 6
-    both = actions_of(tiny).directions[0]
-    expected = [tiny.standing.joint_pos + (k + 1) * step * both for k in range(12)]
-    np.testing.assert_allclose(sent, expected, atol=1e-7)
-
-
-def test_it_decides_once_in_six_cycles_by_what_it_measures_then(tiny: Robot, tmp_path: Path):
+def test_it_decides_once_in_six_cycles_and_moves_evenly_between(tiny: Robot, tmp_path: Path):
     """The action is the speed of the joints; only that at the decisions counts."""
     weight = weights_of(tiny, joint_vel=0.5)  # (0.5 + 0.5) times the speed of both
     policy = begin(save_policy(tmp_path / "p.onnx", tiny, weight=weight), tiny)
     speeds = [0.2, 9.0, 9.0, 9.0, 9.0, 9.0, -0.4, 9.0, 9.0, 9.0, 9.0, 9.0]
-    for k, speed in enumerate(speeds):
-        state = state_of(tiny, k * PERIOD, joint_vel=np.full(2, speed))
-        command = policy.step(state)
+    sent = [
+        policy.step(state_of(tiny, k * PERIOD, joint_vel=np.full(2, speed))).joint_pos
+        for k, speed in enumerate(speeds)
+    ]
     calm = policy.action.calm.least * policy.action.scale
-    offset = (0.2 - 0.4) * calm * actions_of(tiny).directions[0]
-    np.testing.assert_allclose(command.joint_pos, tiny.standing.joint_pos + offset, atol=1e-7)
+    way = np.cumsum([0.2 / 6] * 6 + [-0.4 / 6] * 6)[:, None] * calm * actions_of(tiny).directions[0]
+    np.testing.assert_allclose(sent, tiny.standing.joint_pos + way, atol=1e-7)
 
 
 def test_a_torque_limit_caps_the_command_and_is_observed_by_the_network(
@@ -186,21 +177,6 @@ def test_a_network_that_loses_its_numbers_makes_the_robot_limp_for_good(
     assert (policy.done, policy.failure) == (False, None)
 
 
-def test_a_robot_whose_policy_loses_its_numbers_is_left_limp_by_the_loop(
-    world: World, tmp_path: Path
-):
-    weight = weights_of(world.robot, gravity=np.array([[0.0], [0.0], [1.0]]))  # up: -1
-    file = save_policy(tmp_path / "p.onnx", world.robot, weight=weight, then=("Sqrt",))
-    guard = SafetyGuard(Twin(world))
-    sent = []
-    policy = OnnxPolicy.load(file, world.robot, PERIOD)
-    report = run(policy, guard, max_time=5.0, on_cycle=lambda cycle: sent.append(cycle.sent))
-    assert (report.ending, report.cycles) == (Ending.DONE, 1)
-    assert sent[0].is_limp
-    assert policy.failure is not None
-    assert guard.fault is None
-
-
 @pytest.mark.parametrize(
     ("degrees", "speed"), [(20.0, 0.0), (0.0, 2.0)], ids=["leans", "swings its targets"]
 )
@@ -218,17 +194,16 @@ def test_a_robot_that_does_not_stand_still_has_its_time(
     assert (k - 1) * PERIOD == pytest.approx(LONGEST, abs=PERIOD)
 
 
-@pytest.mark.parametrize("start", ["supine", "left"])
-def test_the_guard_never_has_to_cut_a_policy(world: World, tmp_path: Path, start: str):
+def test_the_guard_never_has_to_cut_a_policy(world: World, tmp_path: Path):
     """A policy that is out of its mind: sines of large numbers, beyond 1 by half."""
     robot = world.robot
     weight = np.random.default_rng(0).normal(size=weights_of(robot).shape, scale=30.0)
     file = save_policy(tmp_path / "p.onnx", robot, weight=weight, then=("Sin", "Asinh"))
-    fall = sample_falls(world, {start: 1}, np.random.default_rng(3))[0]
+    fall = sample_falls(world, {"supine": 1}, np.random.default_rng(3))[0]
     twin = Twin(world)
     twin.place(fall.posture)
     guard = SafetyGuard(twin, GuardLimits.of(robot))
-    policy = OnnxPolicy.load(file, robot, PERIOD, longest=4.0)
+    policy = OnnxPolicy.load(file, robot, PERIOD, longest=2.5)
     moved = []
     report = run(
         policy, guard, max_time=9.0, on_cycle=lambda cycle: moved.append(cycle.asked.joint_pos)
@@ -242,18 +217,13 @@ def test_the_guard_never_has_to_cut_a_policy(world: World, tmp_path: Path, start
 
 def test_a_policy_that_begins_again_remembers_nothing_of_its_first_run(tiny: Robot, tmp_path: Path):
     """Its next action depends on its last ones; those of an earlier run are none of them."""
-    file = save_policy(
-        tmp_path / "p.onnx",
-        tiny,
-        weight=weights_of(tiny, last_action=0.5, joint_pos=0.3),
-        bias=0.2,
-        then=("Tanh",),
-    )
-    policy, cycles = OnnxPolicy.load(file, tiny, PERIOD), 60
+    weight, file = weights_of(tiny, last_action=0.5, joint_pos=0.3), tmp_path / "p.onnx"
+    save_policy(file, tiny, weight=weight, bias=0.2, then=("Tanh",))
+    policy = OnnxPolicy.load(file, tiny, PERIOD)
 
     def run_once() -> list[list[float]]:
         policy.reset(state_of(tiny))
-        steps = [policy.step(state_of(tiny, time=k * PERIOD)) for k in range(cycles)]
+        steps = [policy.step(state_of(tiny, time=k * PERIOD)) for k in range(60)]
         return [command.joint_pos.tolist() for command in steps]
 
     first = run_once()

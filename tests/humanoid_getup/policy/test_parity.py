@@ -10,7 +10,6 @@ pytest.importorskip("onnx")
 import foreign_policies as made
 from foreign_policies import save_network
 from paths import NODDING
-from tiny_policies import save_policy
 
 from humanoid_getup.commands.learn.foreign_policy import ImportPolicyRequest, import_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -96,15 +95,10 @@ def late(values, _trace=None):
     ("term", "change", "cause"),
     [
         (0, lambda v, _: 0.25 * v, "'base_ang_vel': 'entry 0' is 0.25 times as large in the"),
-        (
-            1,
-            lambda v, _: -v,
-            "'projected_gravity': 'entry 0' is -1 times as large in the trace: the",
-        ),
+        (1, lambda v, _: -v, "'projected_gravity': 'entry 0' is -1 times as large in the trace"),
         (2, lambda _, t: t["joint_pos"], "'joint_pos': 'head' is off by +0.300 in the trace"),
         (3, late, "'joint_vel': one policy step late in the trace"),
         (3, lambda v, _: v[:, [2, 1, 0]], "'joint_vel': 'r_hip' and 'l_hip' are swapped"),
-        (3, lambda v, _: v * [1, -1, 1], "'joint_vel': 'head' is -1 times as large in the trace"),
         (1, lambda _, t: t["gyro"], "'projected_gravity': 'entry "),
     ],
 )
@@ -121,9 +115,8 @@ def test_another_order_of_joints_is_named(nodding: Robot, tmp_path: Path):
     right, head, left = made.JOINTS
     wrong = bring_in(tmp_path, nodding, joint_names=f"{head},{left},{right}")
     cause = compare_policy(wrong, load(tmp_path, nodding, make_trace()))[0].cause
-    order = (
-        "another order in the trace: 'r_hip' for 'head', 'head' for 'l_hip', 'l_hip' for 'r_hip'"
-    )
+    names = "'r_hip' for 'head', 'head' for 'l_hip', 'l_hip' for 'r_hip'"
+    order = f"another order in the trace: {names}"
     assert cause == f"'joint_pos': {order}; 'joint_vel': {order}"
 
 
@@ -149,21 +142,13 @@ def test_actions_that_differ_are_named(policy, nodding: Robot, tmp_path: Path, c
     [
         ({"action": np.zeros((STEPS, 2))}, ArchiveError, "action has 2 columns, expected 3"),
         ({"time": np.arange(STEPS) / 31.25}, ArchiveError, "rows are 31.25 Hz, expected 62.5 Hz"),
-        ({"time": np.zeros(STEPS)}, ArchiveError, "time does not increase"),
         ({"time": np.zeros(3)}, ArchiveError, "has 3 rows, expected at least 8"),
         ({"orientation": np.ones((STEPS, 4))}, ArchiveError, "not of length 1"),
         ({"gyro": np.zeros((STEPS, 2))}, ArchiveError, r"gyro has shape \(40, 2\), expected"),
         ({"joints": np.array(["head", "l_hip"])}, ArchiveError, "joints lacks r_hip"),
-        ({"joints": np.array(["head", "tail"])}, ValueError, "has no tail"),
         ({"torque": np.zeros(3)}, ArchiveError, "unknown key 'torque'"),
     ],
 )
 def test_a_trace_that_does_not_fit_is_refused(policy, nodding, tmp_path, changes, error, message):
     with pytest.raises(error, match=message):
         compare_policy(policy, load(tmp_path, nodding, make_trace(**changes)))
-
-
-def test_a_policy_of_our_own_has_no_other_program(nodding: Robot, tmp_path: Path):
-    own = OnnxPolicy.load(save_policy(tmp_path / "own.onnx", nodding), nodding)
-    with pytest.raises(ArchiveError, match="expected one that is"):
-        compare_policy(own, load(tmp_path, nodding, make_trace()))

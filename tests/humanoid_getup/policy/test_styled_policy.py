@@ -7,8 +7,9 @@ pytest.importorskip("onnx")
 
 from tiny_policies import save_styled_policy, state_of
 
-from humanoid_getup.policy.observation import UPRIGHT
+from humanoid_getup.policy.observation import UPRIGHT, Sensed
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.policy.style_follower import StyleFollower
 from humanoid_getup.style.features import FeatureSense
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import load_style
@@ -53,6 +54,8 @@ def test_it_observes_its_curves_from_where_it_lies(op3, tmp_path, monkeypatch):
         assert targets[late, column] == pytest.approx(wanted, abs=1e-5)
     assert policy.guidance.wanted == pytest.approx(targets[-1, 0], abs=1e-5)
     assert policy.guidance.measured == pytest.approx(measured)
+    other = OnnxPolicy.load(tmp_path / "p.onnx", op3)  # without a style: the nearest of all
+    assert [each.style.name for each in (other.following(style), other)] == ["side-sit", "any"]
 
 
 def test_what_it_remembers_is_what_it_observes_next(op3, tmp_path, monkeypatch):
@@ -71,13 +74,6 @@ def test_what_it_remembers_is_what_it_observes_next(op3, tmp_path, monkeypatch):
     policy.reset(state_of(op3, orientation=SUPINE))
     again = observe_all(policy, op3, monkeypatch, 2)[:, at["last_action"]]
     assert again[0] == pytest.approx([0.0, 0.0])  # a new rise begins without memory
-
-
-def test_without_a_style_the_nearest_of_all_is_followed(op3, tmp_path):
-    policy = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3)
-    assert policy.style.name == "any"
-    other = policy.following(load_style("push-up", op3))
-    assert (other.style.name, policy.style.name) == ("push-up", "any")
 
 
 def test_a_robot_that_stays_lying_begins_again_without_memory(op3, tmp_path, monkeypatch):
@@ -125,3 +121,36 @@ def test_a_robot_that_is_up_before_its_curves_is_not_given_up(op3, tmp_path):
     for cycle in range(400, 900):  # 4 s, in which the curves ask for sitting
         policy.step(state_of(op3, cycle * 0.008))
     assert not policy.done
+
+
+FACE_UP, FACE_DOWN = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+
+
+def lie(robot: Robot, gravity: np.ndarray) -> Sensed:
+    still = np.zeros(robot.n)
+    return Sensed(
+        gravity=gravity, gyro=np.zeros(3), joint_pos=robot.standing.joint_pos, joint_vel=still
+    )
+
+
+def follow(robot: Robot, style: Style) -> StyleFollower:
+    return StyleFollower(robot, lambda _, seen: style.choose(seen))
+
+
+def test_each_of_many_robots_follows_as_it_would_alone(op3: Robot):
+    """One lies on its back, one on its front; errors are those of the first curves."""
+    style, lying = load_style("long-sit", op3), [lie(op3, FACE_UP), lie(op3, FACE_DOWN)]
+    both = Sensed(
+        **{name: np.stack([getattr(one, name) for one in lying]) for name in vars(lying[0])}
+    )
+    alone = [follow(op3, style) for _ in lying]
+    together = StyleFollower(op3, lambda _, seen: style.choose(seen), n=2)
+    for _ in range(60):
+        again = together.update(both, STEP)
+        own = [one.update(sensed, STEP).size for one, sensed in zip(alone, lying, strict=True)]
+        assert again.tolist() == np.flatnonzero(own).tolist()
+    assert together.restarts.sum() >= 1
+    for row, one in enumerate(alone):
+        np.testing.assert_array_equal(together.wanted[row], one.wanted[0])
+        np.testing.assert_array_equal(together.mean_error[row], one.mean_error[0])
+        assert together.restarts[row] == one.restarts[0]

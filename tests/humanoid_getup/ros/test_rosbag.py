@@ -47,7 +47,7 @@ def count_nanoseconds(header: Any) -> int:
     return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
 
 
-def test_joints_come_back_by_name_with_wall_times(bag: Path, swing: Path):
+def test_a_bag_has_every_cycle_with_joints_by_name_and_wall_times(bag: Path, swing: Path):
     record = FlightRecord.load(swing)
     states, commands = read_topic(bag, "/joint_states"), read_topic(bag, "/joint_commands")
     assert [time for time, _ in states] == record.wall_time.tolist()
@@ -61,12 +61,7 @@ def test_joints_come_back_by_name_with_wall_times(bag: Path, swing: Path):
     for row, (_, command) in enumerate(nonempty(commands)):
         assert tuple(command.name) == record.joint_names
         assert np.array_equal(command.position, record.sent["joint_pos"][row])
-
-
-def test_the_bag_says_what_it_contains(bag: Path, swing: Path):
-    record = FlightRecord.load(swing)
     with Reader(bag) as reader:
-        assert reader.message_count == 3 * record.cycles
         assert reader.start_time == record.wall_time[0]
         # Readers count the nanosecond of the last message.
         assert reader.duration == record.wall_time[-1] - record.wall_time[0] + 1

@@ -19,7 +19,7 @@ def test_no_limb_passes_through_a_thin_wall_unnoticed(op3: Robot):
     crossings, clearance, rng = Crossings(model), Clearance(world), np.random.default_rng(0)
     capsules = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE)
     deep = silent = 0
-    for _ in range(300):
+    for _ in range(80):
         qpos = place(op3, model, op3.standing)
         layout = op3.layout(model)
         qpos[layout.qpos] = rng.uniform(op3.lower, op3.upper)
@@ -47,5 +47,5 @@ def test_no_limb_passes_through_a_thin_wall_unnoticed(op3: Robot):
                 spacing = np.linalg.norm(ends[1] - ends[0]) / (len(ALONG) - 1)
                 local = np.abs(points - wall.position) - wall.half_size
                 assert local.max(axis=1).min() < spacing
-    assert deep > 100
-    assert silent > 10, "MuJoCo's own contacts suffice"
+    assert deep > 30
+    assert silent > 3, "MuJoCo's own contacts suffice"

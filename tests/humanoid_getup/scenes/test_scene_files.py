@@ -1,4 +1,4 @@
-"""Scene files and scenes by name."""
+"""Scene files and scenes by name: slopes as steep as they say, rough ground of a seed."""
 
 import math
 from pathlib import Path
@@ -6,39 +6,26 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from nonempty import nonempty
 from paths import REPOSITORY
 
-from humanoid_getup.scenes.named_scenes import BoxTable, load_scene, read_scene
+from humanoid_getup.scenes.named_scenes import ROUGHNESS, BoxTable, load_scene, read_scene
 from robots import Robot, quaternion
 from robots.body.parts import leg_length
 
 FULL = """
 about = "everything"
 unit = "m"
-[ground]
-slope_deg = 10
-friction = 0.5
-sink = 0.01
+ground = { slope_deg = 10, friction = 0.5, sink = 0.01 }
+spheres = [{ name = "ball", center = [1, 1, 1], radius = 0.2, rolling_friction = 0.01 }]
+capsules = [{ name = "pole", start = [0, 0, 0.1], end = [0, 1, 0.1], radius = 0.05 }]
+starts = [{ lying = "left", x = [-1, 1], heading_deg = [0, 90] }]
 [[boxes]]
 name = "box"
 center = [1, 2, 3]
 size = [0.2, 0.4, 0.6]
 turn_deg = 90
 friction = 0.3
-[[capsules]]
-name = "pole"
-start = [0, 0, 0.1]
-end = [0, 1, 0.1]
-radius = 0.05
-[[spheres]]
-name = "ball"
-center = [1, 1, 1]
-radius = 0.2
-rolling_friction = 0.01
-[[starts]]
-lying = "left"
-x = [-1, 1]
-heading_deg = [0, 90]
 """
 
 
@@ -77,14 +64,13 @@ def test_the_file_in_the_documentation_is_a_scene(op3: Robot, tmp_path: Path):
     assert scene.surface.rolling_friction > 0.0
 
 
-def test_sizes_without_a_unit_are_shares_of_the_leg(op3: Robot, tmp_path: Path):
+def test_sizes_without_a_unit_are_shares_of_the_leg_and_heights_become_rough_ground(
+    op3: Robot, tmp_path: Path
+):
     text = '[[spheres]]\nname = "ball"\ncenter = [1, 0, 0]\nradius = 0.5'
     (ball,) = read_scene(write(tmp_path, text), op3).obstacles
     assert ball.radius == pytest.approx(0.5 * leg_length(op3))
     assert ball.position[0] == pytest.approx(leg_length(op3))
-
-
-def test_heights_of_a_file_become_rough_ground(op3: Robot, tmp_path: Path):
     text = 'unit = "m"\n[ground]\nheights = [[0, 0.1], [0.1, 0]]\ncell = 2'
     scene = read_scene(write(tmp_path, text), op3)
     assert scene.compile(op3).geom("ground").type[0] == mujoco.mjtGeom.mjGEOM_HFIELD
@@ -107,7 +93,7 @@ BALL = '[[spheres]]\nname = "ball"\ncenter = [0, 0, 0]\n'
         ("[ground]\nheights = [[0, 0], [0, 0]]", "heights are all the same"),
         (
             "[ground]\nslope_deg = 5\nheights = [[0, 1], [0, 0]]",
-            "ground has slope_deg and heights, expected one of them",
+            "has slope_deg and heights, expect",
         ),
         ("[ground]\nheights = [[0, 1e9], [0, 0]]", r"heights reach 1e\+09, expected -100 to 100"),
         (
@@ -116,7 +102,7 @@ BALL = '[[spheres]]\nname = "ball"\ncenter = [0, 0, 0]\n'
         ),
         (
             "[[starts]]\nlying = 'left'\nheading_deg = [90, -90]",
-            "start 'left': heading_deg is 90 to -90, expected the lower number first",
+            "heading_deg is 90 to -90, expected",
         ),
         (BALL.replace("ball", "l_knee") + "radius = 1", "has the name of a part of robot 'op3'"),
         ("[ground]\nheights = [[0]]", "heights are 1 by 1, expected 2 by 2 or more"),
@@ -136,31 +122,59 @@ def test_a_wrong_file_is_refused_in_one_line(op3: Robot, tmp_path: Path, text: s
     assert "mine.toml" in str(raised.value)
 
 
-@pytest.mark.parametrize("turn", [0.0, 90.0])
-def test_a_tilted_box_is_higher_where_it_points(turn: float):
+def test_a_tilted_box_is_higher_where_it_points():
     """A positive tilt raises the front, the way that the box is turned."""
-    table = BoxTable(name="ramp", center=(0, 0, 0), size=(2, 1, 0.1), turn_deg=turn, tilt_deg=30.0)
+    table = BoxTable(name="ramp", center=(0, 0, 0), size=(2, 1, 0.1), turn_deg=90.0, tilt_deg=30.0)
     front = quaternion.rotate(table.build(1.0).orientation, np.array([1.0, 0.0, 0.0]))
-    ahead = [np.cos(np.radians(turn)), np.sin(np.radians(turn))]
-    assert front == pytest.approx([*(np.cos(np.radians(30.0)) * np.array(ahead)), 0.5])
+    assert front == pytest.approx([0.0, np.cos(np.radians(30.0)), 0.5])
+
+
+def test_a_start_where_no_robot_comes_to_rest_is_refused_before_any_falls(
+    op3: Robot, tmp_path: Path
+):
+    begin = "[[starts]]\nlying = 'supine'\nmargin = "
+    for start in ("0\nx = [-1, 1]\ny = [0, 0.1]", "0\nsettled = true", "0.01"):
+        assert load_scene(str(write(tmp_path, begin + start)), op3).starts
+    for start in ("0", "0\nx = [-1, 1]"):
+        file = write(tmp_path, begin + start)
+        with pytest.raises(
+            ValueError, match=r"start 'supine': [xy] is 0 alone and margin is 0, ex"
+        ):
+            load_scene(str(file), op3)
+
+
+X, Y = np.meshgrid(np.linspace(-0.6, 0.6, 25), np.linspace(-0.6, 0.6, 25))
 
 
 @pytest.mark.parametrize(
-    ("start", "refused"),
+    ("name", "message"),
     [
-        ("margin = 0", True),
-        ("margin = 0\nx = [-1, 1]", True),
-        ("margin = 0\nx = [-1, 1]\ny = [0, 0.1]", False),
-        ("margin = 0\nsettled = true", False),
-        ("margin = 0.01", False),
+        ("moon", "unknown scene 'moon': expected beam, .*slope:10, rough:easy, .*or a .toml file"),
+        ("slope:31", "scene slope:31: expected degrees from -30 to 30"),
+        ("slope:steep", "scene slope:steep: expected degrees"),
+        ("slope:nan", "scene slope:nan: expected degrees"),
+        ("rough:", "scene rough:: expected rough:easy, rough:medium, rough:hard"),
+        ("../named/flat", "unknown scene '../named/flat'"),
     ],
 )
-def test_a_start_where_no_robot_comes_to_rest_is_refused_before_any_falls(
-    op3: Robot, tmp_path: Path, start: str, refused: bool
-):
-    file = write(tmp_path, f"[[starts]]\nlying = 'supine'\n{start}\n")
-    if not refused:
-        assert load_scene(str(file), op3).starts
-        return
-    with pytest.raises(ValueError, match=r"start 'supine': [xy] is 0 alone and margin is 0, expe"):
-        load_scene(str(file), op3)
+def test_an_unknown_scene_is_refused_with_what_is_allowed(op3: Robot, name: str, message: str):
+    with pytest.raises(ValueError, match=message):
+        load_scene(name, op3)
+
+
+def test_a_slope_is_as_steep_as_its_name(op3: Robot):
+    for degrees in (-30.0, 0.0, 12.5):
+        height = load_scene(f"slope:{degrees:g}", op3).ground.height(X, Y)
+        rise, aside = np.gradient(height, X[0], axis=1), np.ptp(height, axis=0)
+        np.testing.assert_allclose(rise, np.tan(np.radians(degrees)), atol=1e-9)
+        np.testing.assert_allclose(aside, 0.0, atol=1e-9)
+
+
+def test_rough_ground_is_as_uneven_as_its_level_and_has_its_seed(op3: Robot):
+    for level, share in nonempty(ROUGHNESS.items()):
+        heights = [load_scene(f"rough:{level}", op3, seed).ground.height(X, Y) for seed in range(3)]
+        most = np.abs(heights).max()
+        assert 0.5 * share * leg_length(op3) < most <= share * leg_length(op3) + 1e-9
+        again = load_scene(f"rough:{level}", op3, 0).ground.height(X, Y)
+        assert np.array_equal(heights[0], again)
+        assert not np.array_equal(heights[0], heights[1])

@@ -1,15 +1,16 @@
-"""A robot is put on what is under it, wherever that is."""
+"""A robot is put on what is under it, wherever that is, and finds room to stand."""
 
-import mujoco
 import numpy as np
 import pytest
 
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.scenes.obstacle import make_capsule
+from humanoid_getup.scenes.obstacle import Obstacle, make_capsule
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import FINE, Clearance
+from humanoid_getup.simulation.standing_places import ROOM, StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Robot
+from robots.body.parts import leg_length
 from robots.kinematics import lowest_point, place
 
 
@@ -19,26 +20,20 @@ def scene(request, op3: Robot) -> World:
 
 
 def test_a_resting_robot_touches_and_does_not_press(scene: World, op3: Robot):
-    clearance = Clearance(scene)
+    clearance, root = Clearance(scene), op3.layout(scene.model).root_qpos
     qpos = place(op3, scene.model, op3.standing)
     for height in (-0.3, 0.0, 0.5):  # whatever it was before
         lifted = qpos.copy()
-        lifted[op3.layout(scene.model).root_qpos + 2] += height
+        lifted[root + 2] += height
         resting = clearance.rest(lifted)
         assert clearance.measure_overlap(resting) <= 1e-9
         pressed = resting.copy()
-        pressed[op3.layout(scene.model).root_qpos + 2] -= 2.0 * FINE
+        pressed[root + 2] -= 2.0 * FINE
         assert 0.0 < clearance.measure_overlap(pressed) <= 2.0 * FINE + 1e-9
-
-
-def test_a_robot_is_put_so_far_above_or_so_deep_in(scene: World, op3: Robot):
-    clearance, root = Clearance(scene), op3.layout(scene.model).root_qpos
-    qpos = place(op3, scene.model, op3.standing)
-    resting = clearance.rest(qpos)[root + 2]
-    assert clearance.rest(qpos, 0.02)[root + 2] - resting == pytest.approx(0.02, abs=2 * FINE)
-    assert clearance.measure_overlap(clearance.rest(qpos, -0.002)) == pytest.approx(
-        0.002, abs=2 * FINE
-    )
+    above, height = clearance.rest(qpos, 0.02)[root + 2], clearance.rest(qpos)[root + 2]
+    assert above - height == pytest.approx(0.02, abs=2 * FINE)
+    deep = clearance.measure_overlap(clearance.rest(qpos, -0.002))
+    assert deep == pytest.approx(0.002, abs=2 * FINE)
 
 
 def test_a_robot_under_a_roof_is_put_under_it_and_not_on_it(op3: Robot):
@@ -48,10 +43,28 @@ def test_a_robot_under_a_roof_is_put_under_it_and_not_on_it(op3: Robot):
     assert abs(lowest_point(world.model, resting)) < 2.0 * FINE
 
 
-def test_a_steady_robot_stays_where_it_was_put(op3: Robot):
-    world = World(op3, load_scene("slope:10", op3))
-    data = mujoco.MjData(world.model)
-    data.qpos[:] = Clearance(world).rest(place(op3, world.model, op3.standing))
-    before = float(data.qpos[2])
-    mujoco.mj_step(world.model, data, 5)
-    assert data.qpos[2] == pytest.approx(before, abs=0.002)
+LOW = np.array([0.0, 0.0, 0.05])
+
+
+def under(op3: Robot, half: float) -> StandingPlaces:
+    """Look from under a roof at three quarters of a leg, ``half`` leg lengths to each side."""
+    leg = leg_length(op3)
+    roof = Obstacle(
+        name="roof",
+        kind="box",
+        half_size=leg * np.array([half, half, 0.02]),
+        position=leg * np.array([0.0, 0.0, 0.77]),
+    )
+    return StandingPlaces(World(op3, Scene(name="roof", obstacles=(roof,))), LOW)
+
+
+def test_the_nearest_place_is_beside_the_roof_with_some_room(op3: Robot):
+    leg, places = leg_length(op3), under(op3, 1.0)
+    assert places.exist
+    away = float(places.distance(LOW))
+    assert (1.0 + ROOM) * leg < away < (1.0 + ROOM + 1.0) * leg
+    assert float(places.distance(np.array([3.0 * leg, 0.0, 0.05]))) < 0.2 * leg
+
+
+def test_under_a_roof_without_end_there_is_no_place(op3: Robot):
+    assert not under(op3, 20.0).exist

@@ -25,15 +25,10 @@ yaw = st.floats(-3.1, 3.1)
 side = st.sampled_from(["supine", "prone", "left", "right"])
 
 
-@given(side=side, heading=yaw)
-def test_the_head_of_a_lying_robot_gives_its_heading(side: str, heading: float):
-    q = quaternion.multiply(quaternion.from_yaw(heading), lying(side))
-    assert measure_heading(q) == pytest.approx(heading, abs=1e-9)
-
-
 @given(side=side, heading=yaw, drift=yaw)
 def test_a_placement_undoes_the_drift_of_the_imu(side: str, heading: float, drift: float):
     true = quaternion.multiply(quaternion.from_yaw(heading), lying(side))
+    assert measure_heading(true) == pytest.approx(heading, abs=1e-9)
     measured = quaternion.multiply(quaternion.from_yaw(drift), true)
     found = Placement(x=0.0, y=0.0, heading=heading).turn(measured)
     assert float(quaternion.angle_between(found, true)) < 1e-6
@@ -51,9 +46,7 @@ def test_a_robot_that_knows_its_place_knows_its_posture_in_the_scene(op3: Robot)
     np.testing.assert_allclose(estimate.joint_pos, fall.joint_pos, atol=0.002)
 
 
-@pytest.mark.parametrize(
-    ("name", "steps"), [("op3", 1), ("wolfgang", 1), ("toddlerbot", 1), ("human", 2)]
-)
+@pytest.mark.parametrize(("name", "steps"), [("toddlerbot", 1), ("human", 2)])
 def test_no_rollout_diverges_in_coarse_steps(name: str, steps: int):
     """In twice as long steps two of eight of the human do, which lies disturbed on its back."""
     world = World(load_robot(name))

@@ -39,15 +39,14 @@ def play_on_twin(twin: Twin, start: Posture, targets: np.ndarray, limit: float) 
     return np.array(went)
 
 
-@pytest.mark.parametrize("name", ["supine_sit_up_gentle", "prone_push_up_fast"])
 @pytest.mark.parametrize(
     ("limit", "limit_by"), [(4.1, "current"), (2.0, "current"), (2.0, "pwm"), (2.0, "ideal")]
 )
 def test_twin_and_vectorized_simulation_agree_to_the_bit(
-    world: World, op3: Robot, name: str, limit: float, limit_by: LimitMode
+    world: World, op3: Robot, limit: float, limit_by: LimitMode
 ):
     """Joint by joint, over a whole stored motion, also on the twin's own ground."""
-    motion = load_motion(op3, name)
+    motion = load_motion(op3, "prone_push_up_fast")
     start, targets = motion.posture(0), sample_targets(op3, motion)
     qpos = place(op3, world.model, start)
     parameters = DomainParameters.nominal(world, 1, torque_limit=limit, limit_by=limit_by)

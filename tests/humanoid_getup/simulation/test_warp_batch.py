@@ -81,18 +81,6 @@ def test_worlds_that_are_not_stepped_stay_as_they_are(op3: Robot, world: World):
     assert np.any(sim.torque != torque, axis=1).tolist() == [False, True, False]
 
 
-def test_the_records_of_a_rollout_end_where_the_robot_does(op3: Robot, world: World):
-    sim = VecSim(world, 3, physics=WARP)
-    sim.bind("sensordata")
-    sim.place(sim.everyone, np.tile(place(op3, world.model, op3.standing), (3, 1)))
-    targets = np.tile(op3.standing.joint_pos + 0.2, (2, 4, 1))
-    played = sim.advance(targets, 5, ("qpos", "sensordata"), np.array([0, 2]))
-    assert played["qpos"].shape == (2, 4, world.model.nq)
-    assert np.array_equal(played["qpos"][:, -1], sim.qpos[[0, 2]])
-    assert np.array_equal(played["sensordata"][:, -1], sim.read("sensordata")[[0, 2]])
-    assert np.all(np.any(np.diff(played["qpos"], axis=1), axis=2))
-
-
 def lie(world: World, op3: Robot, n: int) -> np.ndarray:
     """Robots on their backs, which have more contacts than standing ones."""
     qpos = np.tile(place(op3, world.model, op3.standing), (n, 1))
@@ -142,7 +130,7 @@ def test_room_that_is_lacking_is_made_and_nothing_is_lost(
     assert grown.qpos == pytest.approx(ample.qpos, abs=1e-6)
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e12])
+@pytest.mark.parametrize("bad", [np.nan, 1e12])
 def test_only_a_robot_whose_physics_fails_has_diverged(
     op3: Robot, world: World, bad: float, tmp_path, monkeypatch
 ):
@@ -163,15 +151,3 @@ def test_a_model_that_mujoco_warp_cannot_simulate_is_refused_by_what_it_has(worl
     model.opt.solver = mujoco.mjtSolver.mjSOL_PGS
     with pytest.raises(ValueError, match="mujoco-warp cannot simulate this model: mjSOL_PGS"):
         WarpBatch(model, 1, device="cpu")
-
-
-def test_room_follows_from_the_model(tiny: Robot):
-    """Worked out by hand: two contacts a geom of the robot, four rows each, joints on top."""
-    model = World(tiny).model
-    condim = int(model.geom_condim.max())
-    geoms = int(np.count_nonzero(model.body_weldid[model.geom_bodyid]))
-    room = Room.of(model)
-    assert room.contacts == max(32, 2 * geoms)
-    assert room.rows >= 2 * (condim - 1) * room.contacts
-    assert room.grow(only_rows=True) == Room(room.contacts, 2 * room.rows)
-    assert room.grow(only_rows=False) == Room(2 * room.contacts, 2 * room.rows)

@@ -32,18 +32,13 @@ def test_many_other_files_hide_none_that_is_accepted(tmp_path: Path):
     assert folders.list_files(".toml", containing(re.compile(rb"^\[key"))) == ["wanted.toml"]
 
 
-@pytest.mark.parametrize("name", ["../x.json", "a/../../x.json", "/etc/passwd", "out/x", "nul\0"])
-def test_files_outside_are_refused(tmp_path: Path, name: str):
+def test_files_outside_are_refused_and_links_to_them_not_listed(tmp_path: Path):
     inside = tmp_path / "inside"
     inside.mkdir()
     (inside / "out").symlink_to(tmp_path)
-    with pytest.raises(BadInputError, match=r"file "):
-        Folders([inside]).resolve(name)
-
-
-def test_links_that_lead_outside_are_not_listed(tmp_path: Path):
-    inside = tmp_path / "inside"
-    inside.mkdir()
+    for name in ("../x.json", "a/../../x.json", "/etc/passwd", "out/x", "nul\0"):
+        with pytest.raises(BadInputError, match=r"file "):
+            Folders([inside]).resolve(name)
     (tmp_path / "secret.json").touch()
     (inside / "link.json").symlink_to(tmp_path / "secret.json")
     assert Folders([inside]).list_files(".json") == []

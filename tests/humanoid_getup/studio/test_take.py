@@ -10,9 +10,9 @@ def make_take(**fields: np.ndarray) -> Take:
     return Take(**{"name": "take", "time": TIME, "qpos": np.zeros((5, 7))} | fields)  # pyright: ignore[reportArgumentType]
 
 
-@pytest.mark.parametrize(("at", "row"), [(-1, 0), (0, 0), (0.49, 0), (0.5, 1), (1, 3), (9, 4)])
-def test_a_time_shows_the_last_sample_before_it(at: float, row: int):
-    assert make_take().find(at) == row
+def test_a_time_shows_the_last_sample_before_it():
+    times = (-1, 0, 0.49, 0.5, 1, 9)
+    assert [make_take().find(at) for at in times] == [0, 0, 0, 1, 3, 4]
 
 
 @pytest.mark.parametrize(

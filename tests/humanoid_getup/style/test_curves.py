@@ -30,15 +30,10 @@ durations = st.floats(0.1, 60.0)
 
 
 @given(points=points_of_rises, duration=durations)
-def test_curves_pass_their_control_points_at_equal_times(points, duration):
-    curves = StyleCurves.of(points, duration)
+def test_curves_pass_their_control_points_at_equal_times_from_rest_to_rest(points, duration):
+    curves, step = StyleCurves.of(points, duration), 1e-5 * duration
     assert curves.sample(PLACES * duration) == pytest.approx(points, abs=1e-9)
     assert curves.points == pytest.approx(points)
-
-
-@given(points=points_of_rises, duration=durations)
-def test_curves_begin_and_end_at_rest_and_hold_the_stand(points, duration):
-    curves, step = StyleCurves.of(points, duration), 1e-5 * duration
     begin = curves.sample(np.array([0.0, step]))
     end = curves.sample(np.array([duration - step, duration, 3.0 * duration]))
     assert np.abs(np.diff(begin, axis=0)).max() < 1e-6

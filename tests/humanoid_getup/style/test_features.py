@@ -1,4 +1,4 @@
-"""Features are the same for one robot and for many, and those of a simulation's kinematics."""
+"""Features of one robot and of many, as of a simulation's kinematics, and their curves."""
 
 import math
 
@@ -7,6 +7,8 @@ import pytest
 
 from humanoid_getup.policy.observation import MAP
 from humanoid_getup.scenes.ground import HeightField, Slope
+from humanoid_getup.simulation.world import World
+from humanoid_getup.style.extraction import ExtractionError, extract_curves, measure_features, trim
 from humanoid_getup.style.features import (
     AROUND,
     FORWARD,
@@ -18,23 +20,20 @@ from humanoid_getup.style.features import (
     torso_angles,
 )
 from robots import Robot, quaternion
-from robots.kinematics import lowest_points, place_postures, site_positions
+from robots.kinematics import lowest_points, place, place_postures, site_positions
 
 RIGHT = math.pi / 2
 
 
-@pytest.mark.parametrize(
-    ("gravity", "side", "front"),
-    [
+def test_angles_say_how_a_robot_lies():
+    for gravity, side, front in (
         ((0.0, 0.0, -1.0), RIGHT, RIGHT),  # standing
         ((-1.0, 0.0, 0.0), RIGHT, 0.0),  # supine: the back is down
         ((1.0, 0.0, 0.0), RIGHT, math.pi),  # prone
         ((0.0, 1.0, 0.0), 0.0, RIGHT),  # on the left side: the right one points up
         ((0.0, -1.0, 0.0), math.pi, RIGHT),
-    ],
-)
-def test_angles_say_how_a_robot_lies(gravity, side, front):
-    assert torso_angles(np.array(gravity)) == pytest.approx([side, front])
+    ):
+        assert torso_angles(np.array(gravity)) == pytest.approx([side, front])
 
 
 def draw(robot, rng, count):
@@ -105,3 +104,49 @@ def test_mirrored_ground_has_the_mirrored_map(op3: Robot):
     mirrored = measure_height_map(op3, other, place * [1.0, -1.0, 1.0], turned(-0.4))
     assert found == pytest.approx(MAP(mirrored))
     assert np.ptp(found) > 0.05
+
+
+T = 101
+
+
+def rise(before: int = 0, after: int = 0) -> np.ndarray:
+    """Features of an even rise from the back, (T, 3), with still samples before and after."""
+    share = np.concatenate([np.zeros(before), np.linspace(0.0, 1.0, T), np.ones(after)])
+    up = np.array([1.0, RIGHT, RIGHT])
+    return np.array([0.2, RIGHT, 0.0]) + share[:, None] * (up - [0.2, RIGHT, 0.0])
+
+
+def test_a_stand_has_the_standing_height_and_leans_as_the_stance_does(op3: Robot, world: World):
+    qpos = place(op3, world.model, op3.standing)[None]
+    lean = quaternion.angle_between(op3.standing.orientation, quaternion.IDENTITY)
+    expected = np.array([[1.0, RIGHT, RIGHT + float(lean)]])
+    assert 0.0 < lean < 0.2
+    assert measure_features(op3, world.model, qpos) == pytest.approx(expected, abs=1e-6)
+
+
+def test_what_is_still_at_both_ends_is_trimmed():
+    kept = trim(rise(before=40, after=60))
+    assert 40 <= kept.start <= 46
+    assert 134 <= kept.stop <= 142
+    with pytest.raises(ExtractionError, match="nothing moves"):
+        trim(rise()[-1:].repeat(9, axis=0))
+
+
+def test_curves_pass_through_the_features_at_nine_times():
+    time = 5.0 + np.linspace(0.0, 2.0, T)
+    curves = extract_curves(time, rise())
+    assert curves.duration == pytest.approx(2.0)
+    even = np.linspace(0.0, 1.0, 9)[:, None]
+    assert curves.points == pytest.approx((1.0 - even) * rise()[0] + even * rise()[-1])
+
+
+@pytest.mark.parametrize(
+    ("features", "message"),
+    [
+        (rise()[:60], r"the neck ends at 0\.\d+ of its standing height, expected"),
+        (rise()[:, :2], r"features have shape \(101, 2\), expected \(101, 3\)"),
+    ],
+)
+def test_what_is_no_rise_is_refused(features: np.ndarray, message: str):
+    with pytest.raises(ExtractionError, match=message):
+        extract_curves(np.arange(len(features)) * 0.02, features)

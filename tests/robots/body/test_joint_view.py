@@ -1,4 +1,4 @@
-"""A view of joints: anchors, axes and the ends of limbs at joint angles, in the torso's frame."""
+"""A view of joints: anchors, axes and ends of limbs in the torso's frame, and their kinds."""
 
 import mujoco
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.body.body_plan import BodyPlan
+from robots.body.body_plan import BodyPlan, list_rising, list_segments
 from robots.body.joint_view import JointView, LimbEnds
 
 MODEL = """<mujoco><worldbody><body pos="0 0 1"><freejoint/><geom size="0.1"/>
@@ -71,3 +71,14 @@ def test_joints_twist_along_their_limb_or_pitch_about_y(small: BodyPlan):
     pitch = [small.joint_names[k] for k in view.list_pitch(leg)]
     assert pitch == ["left_thigh_joint", "left_shank_joint", "left_ankle_joint"]
     assert looked(small, left_hip_roll=1.0).list_pitch(leg) == []
+
+
+def test_segments_are_head_feet_and_the_rest_and_a_rise_moves_what_bends_limbs(small: BodyPlan):
+    segments = list_segments(small, 0.0 * small.lower)
+    by_name = dict(zip(small.joint_names, segments, strict=True))
+    feet = {name for name, segment in by_name.items() if segment == "foot"}
+    assert feet == {f"{s}_{p}_joint" for s in ("left", "right") for p in ("ankle", "foot")}
+    assert by_name["head_joint"] == "head"
+    assert by_name["left_shank_joint"] == "other"
+    parts = ("shoulder", "upper_arm", "forearm", "thigh", "shank", "ankle")
+    assert list_rising(small, 0.0 * small.lower) == tuple(f"left_{part}_joint" for part in parts)

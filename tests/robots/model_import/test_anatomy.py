@@ -1,4 +1,4 @@
-"""Anatomy of an unknown model: legs, arms, head, and where its front is."""
+"""What of an unknown model is the robot: its hinges, legs, arms, head, and where its front is."""
 
 from pathlib import Path
 
@@ -8,8 +8,8 @@ import pytest
 from small_humanoid import small_humanoid
 
 from robots.model_import.anatomy import Anatomy, find_anatomy
-from robots.model_import.source import ModelSource
-from robots.model_import.tree import find_tree
+from robots.model_import.source import ModelImportError, ModelSource
+from robots.model_import.tree import KinematicTree, find_tree
 
 PATH = Path("small.xml")
 
@@ -117,3 +117,46 @@ def test_a_tail_is_no_head_and_a_mouth_belongs_to_it():
     anatomy = find(change=add_ends)
     assert names(anatomy, anatomy.head) == ["head", "mouth"]
     assert len(anatomy.arms) == 1
+
+
+BODY = '<geom size="0.05" mass="0.5"/>'
+ROBOT = f"""<body name="torso" pos="0 0 0.5">JOINT{BODY}
+  <body name="arm" pos="0 0.1 0.1"><joint name="lift" axis="1 0 0"/><joint axis="0 1 0"/>{BODY}
+    <body name="glove" pos="0 0 -0.1">{BODY}
+      <body name="finger" pos="0 0 -0.1"><joint name="grip" axis="0 0 1"/>{BODY}</body>
+  </body></body>
+  <body name="leg" pos="0 0 -0.3"><joint name="hip" axis="0 1 0"/>{BODY}</body></body>"""
+SCENE = '<body name="door"><joint name="door" axis="0 0 1"/><geom size="0.1"/></body>'
+
+
+def find_parts(
+    body: str = ROBOT, joint: str = "<freejoint/>", **stance: float
+) -> tuple[KinematicTree, list[str]]:
+    text = f"<mujoco><worldbody>{SCENE}{body.replace('JOINT', joint)}</worldbody></mujoco>"
+    model, notes = mujoco.MjModel.from_xml_string(text), []
+    source = ModelSource(path=Path("own.xml"), model=model, actuators={}, stance=stance)
+    return find_tree(source, notes), notes
+
+
+def test_hinges_are_where_they_are_in_the_stance_of_what_is_the_robot():
+    """By hand: the arm is lifted by a right angle to the left, the finger 20 cm out.
+
+    A frame that only holds the robot is no part of it.
+    """
+    tree, _ = find_parts(lift=np.pi / 2.0)
+    assert tree.hinges[2].anchor == pytest.approx([0.0, 0.3, 0.6])
+    assert tree.hinges[2].axis == pytest.approx([0.0, -1.0, 0.0], abs=1e-9)
+    tree, _ = find_parts(f'<body name="frame" pos="0 0 1">{ROBOT}</body>'.replace("JOINT", ""))
+    assert tree.model.body(tree.root).name == "torso"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('size="0.05"', 'size="200"', "of body 'torso' reaches 200 m .* a mesh in mm needs scale"),
+        ('mass="0.5"', 'mass="500"', "expected 0.1 to 500 kg: masses are in kg"),
+    ],
+)
+def test_what_no_servo_humanoid_has_is_named(old: str, new: str, message: str):
+    with pytest.raises(ModelImportError, match=message):
+        find_parts(ROBOT.replace(old, new))

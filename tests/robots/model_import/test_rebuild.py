@@ -83,16 +83,6 @@ def test_all_bodies_move_and_weigh_as_before(where: dict):
     assert new.body_mass.sum() == pytest.approx(old.body_mass.sum())
 
 
-def test_a_robot_that_faces_sideways_faces_forward():
-    old, new, notes = rebuild(yaw=np.pi / 2.0, frame=FRAME)
-    assert notes == ["the torso's frame is turned so that x points forward and z up"]
-    was, now = pose(old, {}), pose(new, {})
-    quarter = quaternion.from_yaw(-np.pi / 2.0)
-    for name in ("left_foot", "head", "right_forearm"):
-        turned = quaternion.rotate(quarter, was.body(name).xpos - was.body("torso").xpos)
-        assert seen_from_torso(now, now.body(name).xpos) == pytest.approx(turned)
-
-
 def test_a_hinge_that_is_fixed_is_welded_at_its_angle():
     """What hangs on it is where it was in the pose in which the model was read."""
     fixed, angles = "left_upper_arm_joint", {"left_upper_arm_joint": 0.8}

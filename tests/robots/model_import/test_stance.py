@@ -12,7 +12,6 @@ from robots.body.joint_view import JointView
 from robots.model_import.stance import (
     StanceSolver,
     exclude_brackets,
-    find_brackets,
     find_own_overlaps,
     find_stance,
 )
@@ -45,25 +44,6 @@ def test_contacts_of_links_that_always_overlap_are_switched_off():
     data = mujoco.MjData(changed)
     mujoco.mj_forward(changed, data)
     assert data.ncon == 0
-
-
-ARM = """<mujoco><worldbody><body name="torso"><freejoint/>
-  <geom type="box" size="0.05 0.1 0.2" mass="1"/>
-  <body name="shoulder" pos="0 0.13 0.15"><joint axis="0 1 0" range="-60 60"/>
-    <geom size="0.01" mass="0.1"/>
-    <body name="upper_arm" pos="0 0.01 0"><joint axis="1 0 0" range="-60 60"/>
-      <geom type="capsule" fromto="0 0 -0.03 0 0 -0.12" size="0.02" mass="0.1"/>
-      <body name="forearm" pos="0 0 -0.15"><joint axis="0 1 0" range="-60 60"/>
-        <geom type="capsule" fromto="0 0 -0.03 0 IN -0.15" size="0.02" mass="0.1"/></body></body>
-  </body></body></worldbody></mujoco>"""
-
-
-def test_a_forearm_that_touches_the_torso_is_none():
-    """Three hinges are between them, as between pelvis and thigh, but far from each other."""
-    model = mujoco.MjModel.from_xml_string(ARM.replace("IN", "-0.05"))
-    touching = find_own_overlaps(view(model), np.zeros(3))
-    assert [tuple(model.body(b).name for b in pair) for pair in touching] == [("torso", "forearm")]
-    assert find_brackets(view(model), np.zeros(3), np.random.default_rng(0)) == []
 
 
 def test_arms_hang_beside_the_body_and_further_out_if_asked(small: BodyPlan):

@@ -1,13 +1,16 @@
-"""Other bodies: what becomes longer, what stays, and what mass and inertia do."""
+"""Other bodies: as text, and what becomes longer, what stays, and what mass and inertia do."""
 
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robots import Body, BodyError, Robot, load_robot, reshape
 from robots.body.parts import leg_length
+from robots.proportions import MAX_FACTOR, MIN_FACTOR, ORIGINAL, PARTS
 
 ALL = ("shoulders", "arms", "torso", "legs")
 NEARLY_ONE = 1.0 + 1e-9
@@ -19,42 +22,26 @@ CHESTED = """
   <compiler angle="degree"/>
   <asset><mesh name="hand" vertex="0 0 0 .02 0 0 0 .02 0 0 0 -.06 .02 .02 0"/></asset>
   <worldbody>
-    <body name="pelvis">
-      <freejoint name="root"/>
-      <site name="imu"/>
+    <body name="pelvis"><freejoint name="root"/><site name="imu"/>
       <geom type="box" size=".03 .05 .02" mass=".4"/>
-      <body name="chest" pos="0 0 .02">
-        <joint name="waist" axis="0 0 1" range="-60 60"/>
+      <body name="chest" pos="0 0 .02"><joint name="waist" axis="0 0 1" range="-60 60"/>
         <geom name="chest" type="box" pos="0 0 .06" size=".03 .05 .06" mass=".6"/>
         <site name="neck" pos="0 0 .12"/>
         <body name="badge" pos=".03 0 .08"><geom type="sphere" size=".005" mass=".01"/></body>
-        <body name="l_arm" pos="0 .07 .1">
-          <joint name="l_arm" axis="0 1 0" range="-90 90"/>
+        <body name="l_arm" pos="0 .07 .1"><joint name="l_arm" axis="0 1 0" range="-90 90"/>
           <frame pos="0 0 -.05" euler="0 0 90">
             <geom name="l_arm" type="capsule" size=".01 .04" mass=".1"/>
-            <body name="l_hand" pos="0 0 -.05">
-              <joint name="l_hand" axis="0 1 0" range="-90 90"/>
+            <body name="l_hand" pos="0 0 -.05"><joint name="l_hand" axis="0 1 0" range="-90 90"/>
               <geom name="l_hand" type="mesh" mesh="hand" mass=".05"/>
-              <site name="l_tip" pos="0 0 -.06"/>
-            </body>
-          </frame>
-        </body>
-        <body name="r_arm" pos="0 -.07 .1">
-          <joint name="r_arm" axis="0 1 0" range="-90 90"/>
-          <geom type="cylinder" pos="0 0 -.05" size=".01 .05" mass=".1"/>
-        </body>
-      </body>
-      <body name="l_leg" pos="0 .04 -.02">
-        <joint name="l_leg" axis="0 1 0" range="-90 60"/>
+              <site name="l_tip" pos="0 0 -.06"/></body></frame></body>
+        <body name="r_arm" pos="0 -.07 .1"><joint name="r_arm" axis="0 1 0" range="-90 90"/>
+          <geom type="cylinder" pos="0 0 -.05" size=".01 .05" mass=".1"/></body></body>
+      <body name="l_leg" pos="0 .04 -.02"><joint name="l_leg" axis="0 1 0" range="-90 60"/>
         <geom type="ellipsoid" pos="0 0 -.05" size=".03 .02 .05" mass=".1"/>
-        <site name="l_sole" pos="0 0 -.1"/>
-      </body>
-      <body name="r_leg" pos="0 -.04 -.02">
-        <joint name="r_leg" axis="0 1 0" range="-90 60"/>
+        <site name="l_sole" pos="0 0 -.1"/></body>
+      <body name="r_leg" pos="0 -.04 -.02"><joint name="r_leg" axis="0 1 0" range="-90 60"/>
         <geom type="box" pos="0 0 -.05" size=".03 .02 .05" mass=".1"/>
-        <site name="r_sole" pos="0 0 -.1"/>
-      </body>
-    </body>
+        <site name="r_sole" pos="0 0 -.1"/></body></body>
   </worldbody>
 </mujoco>
 """
@@ -178,15 +165,6 @@ def test_wider_shoulders_move_the_arms_and_bridge_the_gap(op3: Robot):
     assert 0.2 < added.sum() / 1.34928 < 0.35  # at the height of the shoulders: 0.28 of it
 
 
-def test_narrower_shoulders_take_the_torso_with_them(op3: Robot):
-    narrow = reshape(op3, Body(shoulders=0.5))
-    model, data = at_zero(narrow)
-    assert body(narrow, "r_sho_pitch_link")[1] == pytest.approx(-0.03)
-    assert model.geom("shoulders").size[1] == pytest.approx(0.5 * 0.0595)
-    assert model.geom("pelvis").size[1] == pytest.approx(0.051)
-    assert data.ncon == 0
-
-
 @pytest.mark.parametrize("text", ["shoulders=2.0", "arms=1.6", "arms=1.6,torso=2.2", "legs=0.7"])
 def test_left_and_right_stay_mirror_images(op3: Robot, text: str):
     robot = reshape(op3, Body.parse(text))
@@ -241,3 +219,37 @@ def test_a_mesh_is_stretched_point_by_point(chested: Robot):
 
     expected = points(chested) * [1.0, 1.0, 2.0]
     assert points(reshape(chested, Body(arms=2.0))) == pytest.approx(expected, abs=1e-6)
+
+
+factors = st.floats(MIN_FACTOR, MAX_FACTOR)
+
+
+@given(st.fixed_dictionaries({}, optional=dict.fromkeys(PARTS, factors)))
+def test_a_body_survives_the_trip_through_text(chosen: dict[str, float]):
+    body = Body(**chosen)
+    assert Body.parse(str(body)) == body
+
+
+def test_a_body_without_other_factors_is_the_original():
+    for text in ("", " ", "arms=1", "arms=1,legs=1.0"):
+        assert Body.parse(text) == ORIGINAL
+        assert Body.parse(text).is_original
+        assert str(Body.parse(text)) == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("tail=2", "body 'tail=2': unknown part 'tail', expected shoulders, arms, torso, legs"),
+        ("arms", "arms is '', expected a factor from 0.25 to 4"),
+        ("arms=nan", "arms is 'nan'"),
+        ("arms=4.1", "arms is '4.1'"),
+        ("arms=1.6,arms=1.7", "arms is given twice, expected once"),
+        ("arms=0,tail=1", "arms is '0', expected a factor from 0.25 to 4; unknown part 'tail'"),
+    ],
+)
+def test_what_is_wrong_is_reported_in_one_line(text: str, message: str):
+    with pytest.raises(BodyError) as error:
+        Body.parse(text)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)

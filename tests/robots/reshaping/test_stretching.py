@@ -1,4 +1,4 @@
-"""Stretching links: lengths as they were asked for, masses and inertias as MuJoCo's own."""
+"""Stretching links along which they are long: masses and inertias as MuJoCo's own."""
 
 from pathlib import Path
 
@@ -9,6 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tiny_robots import LEGS, build_skeleton, limb, make_robot
 
+from robots import BodyError, Robot
+from robots.quaternion import Array
+from robots.reshaping.reshape_model import find_directions
 from robots.reshaping.stretching import (
     AxialStretch,
     Inertia,
@@ -55,15 +58,6 @@ def test_a_box_that_is_stretched_above_its_middle_alone_is_two_boxes():
     assert found.mass == pytest.approx(1.5)
     assert found.center == pytest.approx([0.0, 0.0, center], rel=1e-3)
     assert found.spread[2, 2] == pytest.approx(spread, rel=1e-3)
-
-
-def test_only_the_material_that_is_chosen_is_stretched():
-    sideways = AxialStretch(np.zeros(3), np.array([0.0, 1.0, 0.0]), 2.0)
-    found = box(1.0, [0.0, 0.0, 0.0], [0.1, 0.1, 0.1]).stretched(
-        sideways, where=lambda points: points[:, 2] > 0.0
-    )
-    assert found.mass == pytest.approx(1.5)
-    assert found.center == pytest.approx([0.0, 0.0, 0.05 / 3.0], rel=1e-3, abs=1e-9)
 
 
 ARM = limb("arm", "0 0.1 0.15", inside=limb("elbow", "0 0 -0.1") + '<site name="tip" pos="0 0 0"/>')
@@ -140,3 +134,49 @@ def test_a_model_of_a_given_mass_may_become_heavier():
     assert spec.body("b").mass == pytest.approx(3.0)
     spec.body("b").mass = 6.0
     assert spec.compile().body("b").mass == pytest.approx(6.0)
+
+
+DOWN, AHEAD = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0])
+
+
+def directions_of(robot: Robot, arm: bool = True) -> dict[str, Array]:
+    skeleton = build_skeleton(robot)
+    limbs = skeleton.parts.arms if arm else skeleton.parts.legs
+    found = find_directions(skeleton, limbs[0][1])
+    return {skeleton.root(link).name: direction for link, direction in found.items()}
+
+
+def test_a_bracket_follows_the_long_link_below_it(tmp_path: Path):
+    """Between two joints 5 mm apart, sideways, there is no direction of its own."""
+    bracket = '<body name="bracket" pos="0 0 0.15"><joint name="turn" axis="0 0 1" range="-9 9"/>'
+    bracket += f'<geom size="0.01" mass="0.01"/>{limb("arm", "0 0.005 0")}</body>'
+    found = directions_of(make_robot(tmp_path, LEGS + bracket))
+    assert found["bracket"] == pytest.approx(DOWN)
+
+
+def test_a_foot_follows_the_shank(tmp_path: Path):
+    foot = '<site name="{s}_sole" pos="0.02 0 -0.02"/>'
+    legs = ""
+    for side, y in (("l", "0.05"), ("r", "-0.05")):
+        ankle = (
+            f'<body name="{side}_foot" pos="0 0 -0.1"><joint name="{side}_ankle" axis="0 1 0" '
+            f'range="-30 30"/><geom size="0.01" mass="0.01"/>{foot.format(s=side)}</body>'
+        )
+        legs += limb(f"{side}_hip", f"0 {y} 0", inside=ankle)
+    found = directions_of(make_robot(tmp_path, legs), arm=False)
+    assert found["l_foot"] == pytest.approx(DOWN)
+    assert found["l_hip_link"] == pytest.approx(DOWN)
+
+
+def test_a_direction_is_that_of_the_nearest_axis_of_its_shape(tmp_path: Path):
+    """A forearm whose mass is a little in front of its axis is still long along its box."""
+    ahead = limb("elbow", "0 0 -0.1", inside='<geom size="0.01" pos="0.02 0 -0.05" mass="0.05"/>')
+    found = directions_of(make_robot(tmp_path, LEGS + limb("arm", "0 0 0.15", inside=ahead)))
+    assert found["elbow_link"] == pytest.approx(DOWN)
+
+
+def test_a_limb_of_no_length_is_refused(tmp_path: Path):
+    ball = '<body name="ball" pos="0 0 0.2"><joint name="spin" axis="0 0 1" range="-9 9"/>'
+    ball += '<geom size="0.01" mass="0.01"/></body>'
+    with pytest.raises(BodyError, match="the limb 'ball' has no length"):
+        directions_of(make_robot(tmp_path, LEGS + ball))

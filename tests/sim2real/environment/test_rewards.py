@@ -107,23 +107,17 @@ COSTS = {
         (way_up, STANDING, 1.0),
         (way_up, change(height=0.5), 0.25),
         (way_up, change(height=1.4), 1.0),  # a jump earns no more than a stand
-        (way_up, change(height=-0.1), 0.0),
-        (way_up, change(upright=-1.0), 0.0),
         (way_up, change(upright=0.0), 0.5),
         (way_up, change(sole_height=SOLES_LOW), 1.0 / np.e),
         (over_feet, STANDING, 1.0),
         (over_feet, change(stretch=0.5), 0.25),
-        (over_feet, change(upright=0.0), 0.25),
         (over_feet, change(sole_distance=UNDER_TORSO), 1.0 / np.e),
         (over_feet, change(stretch=-0.5), 0.0),  # head down, feet up
         (stands, STANDING, 1.0),
         (stands, SITTING, 0.0),
-        (stance, STANDING, 1.0),
         (stance, change(away=[[0.0, 0.5**0.5]]), 0.5 * (1.0 + 1.0 / np.e)),  # each joint counts
-        (at_ease, STANDING, 1.0),
         (at_ease, SITTING, 0.0),
         (at_ease, change(away=[[0.0, -np.pi / 4.0]]), 0.5 * (1.0 + 0.75)),
-        (at_ease, change(away=[[4.0, 4.0]]), 0.0),
         (haste, COSTS[haste], 0.5),
         (haste, change(requested=[[MOST_REQUESTED + 5.0, -MOST_REQUESTED]]), MOST_REQUESTED**2),
         (demanding, COSTS[demanding], 0.5),
@@ -138,8 +132,6 @@ COSTS = {
         (dropping, COSTS[dropping], 4.0),
         (head_strike, COSTS[head_strike], 4.0),
         (head_strike, change(head_fall=2.0, height=NECK_LOW), 4.0 / np.e),
-        (head_strike, change(head_fall=3.0, height=2.0 * NECK_LOW), 9.0 / np.e**4),
-        (head_strike, STANDING, 0.0),
     ],
 )
 def test_a_term_worked_out_by_hand(term, moment, value):
@@ -174,7 +166,7 @@ def place_one(op3, world, qpos: np.ndarray, **qvel: float | np.ndarray) -> Train
     return sim
 
 
-def test_a_moment_is_counted_in_the_robots_own_measures(op3, world):
+def test_a_moment_is_counted_in_the_robots_own_measures(op3, world, falls):
     size, standing = op3.standing_neck_height, place(op3, world.model, op3.standing)
     standing[2] += 0.1 * size
     state = place_one(op3, world, standing, up=-0.3).measure_privileged_state()
@@ -183,20 +175,21 @@ def test_a_moment_is_counted_in_the_robots_own_measures(op3, world):
     assert state.sole_height == pytest.approx([0.1], abs=0.01)
     assert state.sole_heights == pytest.approx(np.full((1, 2), 0.1), abs=0.01)
     assert state.sole_distance == pytest.approx([0.0], abs=0.1)
-    assert state.standing.tolist() == [True]
+    assert state.upright == pytest.approx([1.0], abs=0.02)
+    assert (state.standing.tolist(), state.non_foot_contact.tolist()) == ([True], [False])
     assert state.fall_speed == pytest.approx([0.3 / size])
     assert state.head_fall == pytest.approx([0.3 / size])
     turning = place_one(op3, world, standing, joints=op3.max_velocity).measure_privileged_state()
     assert turning.joint_speed == pytest.approx(np.ones((1, op3.n)))
-
-
-def test_a_rising_torso_and_servos_torque_in_the_robots_measures(op3, world, falls):
     sim = place_one(op3, world, falls[0], up=0.4)
     assert sim.measure_privileged_state().fall_speed.tolist() == [0.0], "only downwards is a fall"
     target = falls[:1, op3.layout(world.model).qpos]
     sim.follow(target, target + 0.2)
     assert np.abs(sim.torque).max() > 0.5
     assert sim.measure_privileged_state().torque == pytest.approx(sim.torque / op3.max_torque)
+    lying = place_one(op3, world, falls[0])
+    lying.follow(target, target)
+    assert lying.measure_privileged_state().non_foot_contact.tolist() == [True]
 
 
 def follow_curve(height=0.0, side=0.0, front=0.0, *, wanted=0.5, speed=0.0, away=0.0, offset=0.0):
@@ -220,14 +213,9 @@ def test_the_reward_is_that_of_the_paper_by_hand():
     assert follow_curve(wanted=1.0, speed=9.0).task == pytest.approx([np.exp(-0.45)])
     assert follow_curve(wanted=1.0, away=2.0).task == pytest.approx([np.exp(-0.4)])
     # The end is that of the curve, wherever the robot is.
-    low, early = (
-        follow_curve(height=-0.4, wanted=1.0, speed=9.0),
-        follow_curve(height=0.5, speed=9.0),
-    )
-    assert (low.stillness, early.stillness) == (
-        pytest.approx([np.exp(-0.45)]),
-        pytest.approx([1.0], abs=1e-4),
-    )
+    low, early = (follow_curve(height=h, wanted=w, speed=9.0) for h, w in ((-0.4, 1.0), (0.5, 0.5)))
+    assert low.stillness == pytest.approx([np.exp(-0.45)])
+    assert early.stillness == pytest.approx([1.0], abs=1e-4)
     # (3): the naturalness falls with the square of the mean offset, to 0 at 0.2 rad.
     assert follow_curve(offset=0.1).natural == pytest.approx([0.75])
     assert follow_curve(offset=0.5).total == pytest.approx([0.0])

@@ -1,13 +1,16 @@
-"""Discovery of motions in the rises of a policy: kinds, preflight, and the command."""
+"""Discovery of motions in the rises of a policy: shaping, kinds, preflight, and the command."""
 
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from humanoid_getup.commands.main import main
 from humanoid_getup.motions.build import ATTITUDES
+from humanoid_getup.motions.keyframes import SPEED_SHARE
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
@@ -16,7 +19,7 @@ from robots import Posture, Robot, quaternion
 from robots.kinematics import place
 from sim2real.motion_discovery import discovery
 from sim2real.motion_discovery.discovery import Replay, group_rises, name_kind
-from sim2real.motion_discovery.policy_rise import PolicyRise
+from sim2real.motion_discovery.policy_rise import BALANCING, SMOOTHINGS, PolicyRise, shape
 
 
 def make_replay(world: World, sides: list[str], bend: float = 0.0) -> Replay:
@@ -48,17 +51,12 @@ def make_replay(world: World, sides: list[str], bend: float = 0.0) -> Replay:
     )
 
 
-def test_a_kind_names_the_sides_passed_but_for_the_first(op3):
+def test_a_kind_names_the_sides_passed_and_rises_of_other_kinds_or_angles_are_apart(op3):
     world = World(op3)
     assert name_kind(world, make_replay(world, ["supine", "standing"])) == "learned"
     over = make_replay(world, ["supine", "left", "prone", "squat"])
     assert name_kind(world, over) == "learned, over left, prone"
-
-
-def test_rises_over_other_sides_or_with_other_angles_are_grouped_apart(op3):
-    world = World(op3)
     straight = [make_replay(world, ["supine", "squat"], bend) for bend in (0.0, 0.02, 1.0)]
-    over = make_replay(world, ["supine", "prone", "squat"])
     groups = group_rises(world, [*straight, over])
     assert groups == [straight[:2], [straight[2]], [over]]
 
@@ -128,3 +126,32 @@ def test_a_policy_with_style_curves_is_refused(bare: Path, capsys: pytest.Captur
     assert main(["motions", "discover", "styled", "--robot", "bare"]) == 2
     assert "follows style curves, expected one without" in capsys.readouterr().err
     assert not (bare / "motions").exists()
+
+
+def make_rise(robot: Robot, seed: int, step: float, stand_time: float = 1.0) -> PolicyRise:
+    """Make targets that walk at random by steps [rad] at each control period."""
+    walk = np.random.default_rng(seed).uniform(-step, step, (400, robot.n)).cumsum(axis=0)
+    return PolicyRise(
+        start_class="supine", start=np.zeros(robot.n + 7), target=walk, stand_time=stand_time
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 1000), step=st.floats(0.0, 0.5), smoothing=st.sampled_from(SMOOTHINGS))
+def test_shaped_targets_are_never_faster_than_the_servos_and_end_standing(
+    op3: Robot, seed: int, step: float, smoothing: float
+):
+    rise = make_rise(op3, seed, step)
+    shaped = shape(op3, rise, smoothing)
+    speed = np.abs(np.diff(shaped, axis=0)) / op3.control_period
+    assert np.all(speed <= SPEED_SHARE * op3.max_velocity * 1.001)
+    assert shaped[0] == pytest.approx(rise.target[0])
+    assert shaped[-1] == pytest.approx(op3.standing.joint_pos)
+
+
+def test_slow_targets_stay_until_the_policy_has_balanced_unless_they_are_smoothed(op3: Robot):
+    rise = make_rise(op3, 0, 0.02)
+    count = round((rise.stand_time + BALANCING) / op3.control_period)
+    assert np.array_equal(shape(op3, rise, 0.0)[:count], rise.target[:count])
+    rough, smooth = (np.diff(shape(op3, rise, s), n=2, axis=0)[50:200] for s in (0.0, 0.05))
+    assert np.square(smooth).mean() < 0.01 * np.square(rough).mean()

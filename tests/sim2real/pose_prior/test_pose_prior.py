@@ -13,7 +13,7 @@ from humanoid_getup.style.features import mirror_features
 from robots import Robot
 from sim2real.pose_prior.pose_prior import PosePrior
 from sim2real.pose_prior.rise_set import PERIOD, RiseSet
-from sim2real.prior_training.fit import FitOptions, Postures, count_latents, fit_prior
+from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
 
 
 @pytest.fixture(scope="module")
@@ -46,15 +46,6 @@ def test_rises_survive_the_trip_through_a_file(op3, rises, tmp_path):
     assert np.degrees(curves.front[[0, -1]]) == pytest.approx([0.0, 90.0], abs=0.1)
 
 
-def test_as_many_latents_are_chosen_as_the_variance_asks_for(postures):
-    # Two joints of the left side move, which is two symmetric and two antisymmetric motions; the
-    # knee's are the same size, and the elbow's.
-    signs = count_latents(postures)
-    assert sorted(signs.tolist(), reverse=True) == signs.tolist()
-    assert 2 <= len(signs) <= 4
-    assert {-1.0, 1.0} == set(signs.tolist())
-
-
 def test_what_is_encoded_is_decoded(postures, prior):
     latent = prior.encode(postures.joint_pos, postures.features)
     again = prior.decode(latent, postures.features)
@@ -62,6 +53,10 @@ def test_what_is_encoded_is_decoded(postures, prior):
     spread = np.sqrt(np.mean((postures.joint_pos - postures.pos_mean) ** 2))
     assert error < 0.15 * spread
     assert np.sqrt(np.mean(latent**2, axis=0)) == pytest.approx(1.0)
+    # Two joints of the left side move, which is two symmetric and two antisymmetric motions; the
+    # knee's are the same size, and the elbow's.
+    assert 2 <= prior.size <= 4
+    assert set(prior.latent_sign.tolist()) == {-1.0, 1.0}
 
 
 def test_mirrored_latents_and_targets_decode_to_the_mirror_image(op3, prior):

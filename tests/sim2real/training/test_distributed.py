@@ -24,17 +24,6 @@ from sim2real.training.train import check_processes
 SCRIPT = REPOSITORY / "tests/support/distributed_training.py"
 
 
-def test_a_process_alone_does_as_it_is_asked():
-    process = DistributedProcess.from_environment({})
-    assert process.leads
-    assert process.device("cpu") == "cpu"
-    assert process.device("cuda:3") == "cuda:3"
-    assert process.seed(7) == 7
-    assert process.count_robots(512) == 512
-    assert process.threads(0) == 0
-    assert process.gather("own") == ["own"]
-
-
 def test_each_process_of_torchrun_has_robots_and_a_gpu_of_its_own():
     # Two machines of two GPUs each.
     environments = [

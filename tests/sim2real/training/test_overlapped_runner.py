@@ -69,18 +69,6 @@ def test_steps_are_collected_while_the_networks_learn(runner, monkeypatch):
     assert threading.main_thread() not in steps
 
 
-def test_nothing_is_collected_ahead_of_a_checkpoint(runner, monkeypatch):
-    collected, saved = [], []
-    step = RslEnv.step
-    monkeypatch.setattr(
-        RslEnv, "step", lambda self, actions: collected.append(0) or step(self, actions)
-    )
-    monkeypatch.setattr(runner, "save", lambda *_: saved.append(len(collected) / STEPS))
-    runner.cfg["save_interval"] = 2
-    runner.learn(4)
-    assert saved == [1, 3, 4]  # after the iterations 0, 2 and the last one
-
-
 def test_the_collector_keeps_its_networks_while_others_learn(runner):
     collector, alg = runner._collector, runner.alg
     collector.copy_networks(alg)
@@ -96,20 +84,6 @@ def test_the_collector_keeps_its_networks_while_others_learn(runner):
     assert int(kept[0].obs_normalizer.count) == 0
     collector.copy_networks(alg)
     assert torch.equal(flatten(kept[0]), flatten(alg.actor))
-
-
-def test_exploration_is_that_of_the_iteration_whatever_else_draws(runner):
-    collector, env = runner._collector, runner.env
-    actions = []
-    for iteration, drawn in ((3, 0), (3, 17), (4, 0)):
-        torch.rand(drawn)
-        env.begin(0, np.random.default_rng(0))
-        collector.collect(iteration)
-        collector.hand_over(runner.alg)
-        actions.append(runner.alg.storage.actions.clone())
-        runner.alg.storage.clear()
-    assert torch.equal(actions[0], actions[1])
-    assert not torch.equal(actions[0], actions[2])
 
 
 def test_steps_of_an_older_policy_are_weighted_by_the_newest(runner):

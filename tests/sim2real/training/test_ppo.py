@@ -11,7 +11,6 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
-from sim2real.training import ppo
 from sim2real.training.ppo import AVERAGE, UPDATES, AveragingPPO
 
 ROBOTS, STEPS, INPUTS, OUTPUTS = 4, 8, 3, 2
@@ -98,21 +97,3 @@ def test_an_actor_that_is_taken_over_begins_its_own_average():
     assert torch.equal(weights(other.average.module), weights(made.actor))
     assert int(other.average.n_averaged) == 0
     assert AVERAGE in other.save()
-
-
-def test_an_update_has_the_threads_that_were_usual_at_the_beginning(
-    monkeypatch: pytest.MonkeyPatch,
-):
-    usual, seen = torch.get_num_threads(), []
-    torch.set_num_threads(3)
-    try:
-        made = make_ppo()
-        monkeypatch.setattr(
-            ppo.PPO, "update", lambda _: seen.append(torch.get_num_threads()) or {"symmetry": 0.0}
-        )
-        torch.set_num_threads(1)
-        made.update()
-        assert torch.get_num_threads() == 1
-    finally:
-        torch.set_num_threads(usual)
-    assert seen == [3]

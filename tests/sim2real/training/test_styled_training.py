@@ -66,38 +66,31 @@ def read_actor(folder: Path) -> dict:
 
 
 def test_an_overlapped_training_imitates_first_and_keeps_its_statistics(learn):
-    states = [
-        torch.load(
-            learn(f"after {count}", replace(QUICK, overlap=True, iterations=count))
-            / "checkpoint.pt",
-            weights_only=True,
-        )["actor_state_dict"]
-        for count in (1, 3)
+    folders = [
+        learn(f"after {count}", replace(QUICK, overlap=True, iterations=count)) for count in (1, 3)
     ]
-    statistics = [name for name in states[0] if "normalizer" in name]
+    first, last = (
+        torch.load(folder / "checkpoint.pt", weights_only=True)["actor_state_dict"]
+        for folder in folders
+    )
+    statistics = [name for name in first if "normalizer" in name]
     assert len(statistics) > 3
-    assert all(torch.equal(states[0][name], states[1][name]) for name in statistics)
-    name = next(name for name in states[0] if name.endswith("kept.0.weight"))
-    assert not torch.equal(states[0][name], states[1][name])
+    assert all(torch.equal(first[name], last[name]) for name in statistics)
+    name = next(name for name in first if name.endswith("kept.0.weight"))
+    assert not torch.equal(first[name], last[name])
 
 
-def test_a_trained_policy_follows_a_style_on_the_robot(op3, learn, tmp_path):
-    folder, file = learn("one"), tmp_path / "styled.onnx"
-    record = TrainingRecord.load(folder)
+def test_a_trained_policy_follows_a_style_and_its_graph_does_what_training_did(
+    op3, learn, tmp_path
+):
+    """The filter, the decoder and the offsets in the file are those of the environment."""
+    record, file = TrainingRecord.load(learn("one")), tmp_path / "styled.onnx"
     assert record.actions == ("latent 0", "latent 1", "latent 2", *op3.joint_names)
-    exported = export_policy(record, op3, file)
-    assert exported.difference < 1e-5
+    assert export_policy(record, op3, file).difference < 1e-5
     policy = OnnxPolicy.load(file, op3, style=load_style("side-sit", op3))
     assert policy.contract.style is not None
     assert policy.contract.style.memory == 3 + op3.n
     assert OnnxPolicy.load(file, op3).style.name == "any"
-
-
-def test_the_graph_does_what_training_did(op3, learn, tmp_path):
-    """The filter, the decoder and the offsets in the file are those of the environment."""
-    folder, file = learn("one"), tmp_path / "styled.onnx"
-    export_policy(TrainingRecord.load(folder), op3, file)
-    policy = OnnxPolicy.load(file, op3)
     head = PriorHead(policy.action, make_prior(op3))
     rng, size = np.random.default_rng(0), policy.contract.observation_size
     seen = rng.normal(0.0, 0.7, (40, size)).astype(np.float32)
@@ -137,27 +130,21 @@ def test_a_policy_file_and_a_training_begin_the_next_one(op3, learn, tmp_path):
     assert all(torch.allclose(inherited[key], parent[key], atol=1e-3) for key in parent)
 
 
-def test_a_training_needs_a_prior_and_keeps_to_it(op3, learn, prior, tmp_path):
+def test_a_training_needs_a_prior_and_keeps_to_it_and_to_that_of_its_parent(
+    op3, learn, prior, tmp_path
+):
     with pytest.raises(match=r"none has no prior.npz, expected --prior"):
         learn("none", prior=None)
-    folder = learn("one")
+    folder, file = learn("one"), tmp_path / "styled.onnx"
     learn("one", prior=None)  # its own copy
+    export_policy(TrainingRecord.load(folder), op3, file)
     other = tmp_path / "other"
     other.mkdir()
     make_prior(op3, 4).save(other / PRIOR)
     (other / RISES).write_bytes((prior / RISES).read_bytes())
     with pytest.raises(match=f"{folder / PRIOR} is another file"):
         learn("one", prior=other)
-
-
-def test_a_training_has_the_prior_of_what_it_begins_with(op3, learn, prior, tmp_path):
-    first, file = learn("first"), tmp_path / "styled.onnx"
-    export_policy(TrainingRecord.load(first), op3, file)
-    other = tmp_path / "other"
-    other.mkdir()
-    make_prior(op3, 4).save(other / PRIOR)
-    (other / RISES).write_bytes((prior / RISES).read_bytes())
-    for parent, message in ((file, "was trained with another prior"), (first, "another prior")):
+    for parent, message in ((file, "was trained with another prior"), (folder, "another prior")):
         with pytest.raises(match=message):
             learn("next", prior=other, parent=parent)
         assert not (tmp_path / "next" / "recipe.json").exists()

@@ -24,9 +24,9 @@ from humanoid_getup.policy.observation import list_terms
 from robots import Robot
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
-from sim2real.training.config import RECIPE, STEPS, Recipe, TrainingRecord
+from sim2real.training.config import RECIPE, Recipe, TrainingRecord
 from sim2real.training.export import export_policy
-from sim2real.training.ppo import AVERAGE, SHARE, UPDATES
+from sim2real.training.ppo import AVERAGE
 from sim2real.training.runner import TrainingRunner, build_config
 from sim2real.training.train import PROGRESS, TrainingInputs, train
 
@@ -95,22 +95,6 @@ def test_one_seed_is_one_policy_on_any_number_of_threads(op3, recipe, whole, tmp
     assert what_was_learnt(expected) == what_was_learnt(tmp_path)
 
 
-def average_and_newest(folder: Path) -> tuple[torch.Tensor, torch.Tensor]:
-    policy = read_policy(folder)
-    name = "mlp.0.weight"
-    return policy[f"{AVERAGE}.{name}"], policy[f"actor_state_dict.{name}"]
-
-
-def test_the_average_of_a_long_training_forgets_its_begin(op3, tmp_path):
-    train(op3, replace(TINY, iterations=1), 1, tmp_path, TrainingInputs(threads=1))
-    before, _ = average_and_newest(tmp_path)
-    state = torch.load(tmp_path / CHECKPOINT, weights_only=True)
-    torch.save(state | {UPDATES: 1000}, tmp_path / CHECKPOINT)
-    train(op3, replace(TINY, iterations=2), 1, tmp_path, TrainingInputs(threads=1))
-    average, newest = average_and_newest(tmp_path)
-    assert torch.equal(average, before.lerp(newest, SHARE))
-
-
 def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
     folder = tmp_path / "training"
     shutil.copytree(unbroken, folder)
@@ -122,7 +106,7 @@ def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
 
 
 @each_way
-@pytest.mark.parametrize("killed_at", [0, 1, 3])
+@pytest.mark.parametrize("killed_at", [0, 3])
 def test_a_killed_training_continues_as_if_nothing_had_happened(
     op3, recipe, whole, tmp_path, request, killed_at
 ):
@@ -138,17 +122,6 @@ def test_a_training_that_is_done_can_be_given_more_iterations(op3, unbroken, tmp
     train(op3, replace(TINY, iterations=2), 1, tmp_path, TrainingInputs(threads=1))
     train(op3, TINY, 1, tmp_path, TrainingInputs(threads=1))
     assert_same_policy(unbroken, tmp_path)
-
-
-def test_progress_has_a_row_for_every_iteration(unbroken):
-    rows = read_rows(unbroken)
-    assert [int(row["iteration"]) for row in rows] == list(range(TINY.iterations))
-    assert [int(row["steps"]) for row in rows] == [
-        (i + 1) * STEPS * TINY.robots for i in range(TINY.iterations)
-    ]
-    seconds = [float(row["seconds"]) for row in rows]
-    assert seconds == sorted(seconds)
-    assert all(int(row["stood"]) <= int(row["falls"]) for row in rows)
 
 
 @pytest.fixture(scope="module")
@@ -219,10 +192,5 @@ def test_a_policy_file_begins_a_training_on_terrain(op3, unbroken, tmp_path):
     levels = StartPool.load(folder / "falls.npz", op3, 27).level
     assert np.bincount(levels).tolist() == [4, 4, 4, 4]
     with pytest.raises(match=r"parent.onnx: it has actions .* expected"):
-        train(
-            op3,
-            replace(rough, wide=False),
-            2,
-            tmp_path / "other",
-            TrainingInputs(threads=1, parent=file),
-        )
+        narrow, other = replace(rough, wide=False), tmp_path / "other"
+        train(op3, narrow, 2, other, TrainingInputs(threads=1, parent=file))

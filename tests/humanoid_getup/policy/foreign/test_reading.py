@@ -32,19 +32,17 @@ def read_env(folder: Path, text: str = made.ENV, **options) -> ForeignPolicy:
     return read(config=folder / "env.yaml", **{"joints": made.JOINTS, **options})
 
 
-def test_three_formats_that_say_the_same_read_the_same(tmp_path: Path):
-    found = [
-        read(made.mjlab_metadata(), rate=made.RATE),
-        read(made.microduck_metadata()),
-        read_env(tmp_path),
-    ]
+def test_three_formats_that_say_the_same_read_the_same_and_name_their_sources(tmp_path: Path):
+    mjlab = read(made.mjlab_metadata(), rate=made.RATE)
+    microduck, isaac = read(made.microduck_metadata()), read_env(tmp_path)
+    found = [mjlab, microduck, isaac]
     assert [policy.format for policy in found] == ["mjlab", "microduck", "isaac"]
     for policy in found:
         assert policy.joints == policy.moved == made.JOINTS
         assert policy.rate == pytest.approx(made.RATE)
         np.testing.assert_allclose(policy.default_pos, made.DEFAULT)
         np.testing.assert_allclose(policy.offset, made.DEFAULT)
-    mjlab, microduck, isaac = found
+        assert all(source for _, _, source in policy.describe())
     np.testing.assert_array_equal(mjlab.position_gain, [2.0, 3.0, 4.0])
     np.testing.assert_array_equal(isaac.position_gain, [2.0, 3.0, 4.0])
     assert microduck.p_gain == 200.0
@@ -52,16 +50,7 @@ def test_three_formats_that_say_the_same_read_the_same(tmp_path: Path):
     np.testing.assert_array_equal(damped.damping, [0.1, 0.2, 0.3])
     np.testing.assert_allclose(isaac.scale, made.SCALE)  # by patterns of names
     np.testing.assert_allclose(isaac.observation[0].scale, 0.2)
-
-
-def test_every_field_names_its_source(tmp_path: Path):
-    for policy in (
-        read(made.mjlab_metadata()),
-        read(made.microduck_metadata()),
-        read_env(tmp_path),
-    ):
-        assert all(source for _, _, source in policy.describe())
-    assert policy.sources["rate"] == "env.yaml sim.dt and decimation"
+    assert isaac.sources["rate"] == "env.yaml sim.dt and decimation"
     given = read(made.mjlab_metadata(), rate=made.RATE, gain=5.0)
     assert (given.sources["rate"], given.sources["position_gain"]) == ("--rate", "--gain")
     assert (given.rate, given.position_gain.tolist()) == (made.RATE, [5.0] * 3)
@@ -78,7 +67,7 @@ def test_scales_clips_and_history_of_mjlab_are_read_a_term():
     assert terms[1].upper == 1.0 and terms[1].history == 2
 
 
-def test_isaac_limits_and_orders_its_actions(tmp_path: Path):
+def test_isaac_limits_orders_and_counts_its_actions_and_keeps_a_history(tmp_path: Path):
     new = "joint_names: [left_.*, .*]\n    preserve_order: true\n    clip: {left_.*: [-0.4, 0.1]}"
     policy = read_env(tmp_path, made.ENV.replace("joint_names: [.*]\n", f"{new}\n"))
     right, head, left = made.JOINTS
@@ -87,16 +76,10 @@ def test_isaac_limits_and_orders_its_actions(tmp_path: Path):
     np.testing.assert_array_equal(policy.offset, [-0.2, 0.1, 0.3])
     inf = np.inf
     np.testing.assert_array_equal(policy.limits, [[-0.4, -inf, -inf], [0.1, inf, inf]])
-
-
-def test_isaac_may_count_angles_from_zero_and_keep_a_history_of_the_whole_group(tmp_path: Path):
     text = made.ENV.replace("history_length: null", "history_length: 2")
     terms = read_env(tmp_path, text.replace(":joint_pos_rel", ":joint_pos"), size=30).observation
     assert [term.history for term in terms] == [2] * 5
     assert [term.is_offset for term in terms] == [True, True, False, True, True]
-
-
-def test_a_relative_action_of_isaac_is_added_to_the_measured_angle(tmp_path: Path):
     text = made.ENV.replace(":JointPositionAction", ":RelativeJointPositionAction")
     assert read_env(tmp_path, text).mode == "offset"
 
@@ -123,14 +106,11 @@ def test_a_pattern_that_could_take_without_end_is_refused(tmp_path: Path):
         ({"observation_names": "motion_command,joint_pos"}, "'motion_command' is unknown"),
         ({"joint_stiffness": "1.000,1.000,1.000"}, "1 N·m/rad for every joint.*--gain"),
         ({"default_joint_pos": "0.1,0.2"}, r"shape \(2,\), expected \(3,\)"),
-        ({"default_joint_pos": "0.1,nan,0.1"}, "holds nan"),
         ({"action_scale": "much"}, "'much', expected numbers"),
         ({"observation_names": "base_ang_vel"}, r"takes 15 numbers, its terms are 3"),
-        ({"observation_names": "a_command,b_command"}, "sizes of observations a_command"),
         ({"observation_terms_scale": "1.0"}, "1 values for 5 observations"),
         ({"observation_terms_clip": "[1,0]" + ",[1,2]" * 4}, "clip is 1 to 0, expected a range"),
         ({"observation_terms_history_length": "inf,1,1,1,1"}, "expected 0 to 200 steps"),
-        ({"observation_terms_history_length": "[1,2],1,1,1,1"}, "expected 0 to 200 steps"),
         ({"joint_names": None}, "nothing describes it"),
     ],
 )
@@ -199,12 +179,17 @@ def test_whatever_stands_anywhere_is_read_or_refused(tmp_path: Path, kind: str):
     assert refused > 30
 
 
-@pytest.mark.parametrize("name", ["policy.pt", "policy.onnx"])
-def test_a_pickle_is_refused_unopened(tmp_path: Path, name: str):
-    file = tmp_path / name
-    file.write_bytes(b"PK\x03\x04" + b"cos\nsystem\n")
-    with pytest.raises(ValueError, match=r"never opened.*export it to ONNX"):
-        read_network(file)
+def test_a_pickle_and_half_a_file_are_refused(tmp_path: Path):
+    for name in ("policy.pt", "policy.onnx"):
+        (tmp_path / name).write_bytes(b"PK\x03\x04" + b"cos\nsystem\n")
+        with pytest.raises(ValueError, match=r"never opened.*export it to ONNX"):
+            read_network(tmp_path / name)
+    file = save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata())
+    content = file.read_bytes()
+    for kept in (0.2, 0.7):
+        file.write_bytes(content[: int(kept * len(content))])
+        with pytest.raises(ValueError, match=r"not an ONNX file|not a complete ONNX file"):
+            read_network(file)
 
 
 def change_network(folder: Path, change) -> Path:
@@ -232,15 +217,6 @@ def set_type(value, number: int) -> None:
 def test_a_network_that_is_not_as_ours_is_refused_by_its_own_reason(tmp_path, change, message: str):
     with pytest.raises(ValueError, match=message):
         read_network(change_network(tmp_path, change))
-
-
-@pytest.mark.parametrize("kept", [0.2, 0.7])
-def test_half_a_file_is_refused(tmp_path: Path, kept: float):
-    file = save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata())
-    content = file.read_bytes()
-    file.write_bytes(content[: int(kept * len(content))])
-    with pytest.raises(ValueError, match=r"not an ONNX file|not a complete ONNX file"):
-        read_network(file)
 
 
 def move_weights(model, place: str) -> None:

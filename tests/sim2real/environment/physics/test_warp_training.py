@@ -47,18 +47,6 @@ def test_robots_that_differ_move_and_sense_as_in_mujoco(op3, delayed_world):
         assert getattr(by_warp.sense(), name) == pytest.approx(true, abs=0.02), name
 
 
-def test_a_robot_that_is_placed_leaves_the_others_as_they_are(op3, delayed_world):
-    alone, beside = (make_sim(op3, delayed_world, WARP) for _ in range(2))
-    swing(op3, alone, 1)
-    swing(op3, beside, 1)
-    beside.place(np.array([1]), beside.qpos[:1])
-    swing(op3, alone, 1)
-    swing(op3, beside, 1)
-    others = [0, 2, 3]
-    assert np.array_equal(alone.qpos[others], beside.qpos[others])
-    assert not np.array_equal(alone.qpos[1], beside.qpos[1])
-
-
 def test_a_restored_simulation_continues_to_the_bit_on_the_cpu(op3, delayed_world):
     sim = make_sim(op3, delayed_world, WARP)
     swing(op3, sim, 2)

@@ -90,8 +90,11 @@ def read_saved(folder: Path) -> dict:
 # Zeros ---------------------------------------------------------------------------------------
 
 
-def test_a_shifted_zero_is_found_shown_and_saved(folder, calibrate):
+def test_a_shifted_zero_is_found_shown_and_saved_after_a_yes(folder, calibrate):
     with real_robot() as served:
+        code, message = calibrate(served, Person("", "no"))
+        assert (code, message["saved"]) == (1, None)
+        assert not list(folder.glob("calibration*"))
         code, message = calibrate(served, Person("", "yes"))
     assert code == 0
     left = message["joints"]["l_hip"]
@@ -208,14 +211,6 @@ def test_calibrating_on_a_virtual_bus_leaves_the_robots_calibration_alone(folder
     assert measured["joints"]["l_hip"] == {"zero_ticks": 2100, "sign": 1}
     assert "virtual bus" in message and "calibration.virtual.toml" in message
     assert load_robot(folder).joints[1].servo.zero_ticks == 1010
-
-
-def test_nothing_is_saved_without_a_yes(folder, calibrate):
-    with real_robot() as served:
-        code, message = calibrate(served, Person("", "no"))
-    assert code == 1
-    assert message["saved"] is None
-    assert not list(folder.glob("calibration*"))
 
 
 # Limpness and stillness ------------------------------------------------------------------------

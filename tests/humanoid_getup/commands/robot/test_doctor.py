@@ -10,6 +10,9 @@ import pytest
 from bus_stories import TINY, run_json, serving
 from nonempty import nonempty
 
+from drivers import Command
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
 from drivers.service import doctor, session
 from drivers.service.doctor import Latency, PortReport, check_port
 from humanoid_getup.commands.main import main
@@ -32,23 +35,6 @@ def patience(monkeypatch):
 
 def examine(served, capsys, *, robot=TINY) -> tuple[int, dict]:
     return run_json("doctor", "--robot", str(robot), "--port", served.path, capsys=capsys)
-
-
-def list_findings(message: dict, *severities: str) -> list[str]:
-    return [
-        f"{f['device']}: {f['text']}; {f['remedy']}"
-        for f in message["findings"]
-        if f["severity"] in severities
-    ]
-
-
-def find_error(served, capsys) -> str:
-    """Examine a robot with one error; return that."""
-    code, message = examine(served, capsys)
-    assert code == 3
-    assert message["healthy"] is False
-    (error,) = list_findings(message, "error", "fault")
-    return error
 
 
 # Healthy robots ------------------------------------------------------------------------------
@@ -82,11 +68,14 @@ def test_a_healthy_op3_is_healthy_and_tells_all_its_joints_and_figures(capsys):
     assert message["accelerometer_m_s2"][2] == pytest.approx(9.81, abs=0.05)
 
 
-def test_the_bytes_of_a_cycle_are_those_that_the_driver_sends(tiny_served, capsys):
-    from drivers import Command
-    from drivers.dynamixel.backend import DynamixelBackend
-    from drivers.dynamixel.clock import CycleClock
+@pytest.fixture
+def tiny_served():
+    with serving(TINY) as served:
+        served.place()
+        yield served
 
+
+def test_the_bytes_of_a_cycle_are_those_that_the_driver_sends(tiny_served, capsys):
     _, message = examine(tiny_served, capsys)
     robot = load_robot(TINY)
     backend = DynamixelBackend(robot, {"main": tiny_served.path}, clock=CycleClock())
@@ -98,13 +87,6 @@ def test_the_bytes_of_a_cycle_are_those_that_the_driver_sends(tiny_served, capsy
             sizes.add(backend.cycle_bytes)
     # The lengths of questions turn from cycle to cycle, by a few bytes a servo.
     assert min(sizes - {0}) <= message["ports"][0]["cycle_bytes"] <= max(sizes) + 4
-
-
-@pytest.fixture
-def tiny_served():
-    with serving(TINY) as served:
-        served.place()
-        yield served
 
 
 @pytest.mark.usefixtures("patience")
@@ -167,8 +149,10 @@ def test_a_dead_servo_is_named_and_the_others_are_reported(capsys):
     with serving(TINY, prepare=cut) as served:
         code, message = examine(served, capsys)
     assert code == 3
-    (error,) = list_findings(message, "error")
-    assert error.startswith("joint 'r_hip' (id 2): silent; check its cable")
+    assert message["healthy"] is False
+    (error,) = (each for each in message["findings"] if each["severity"] == "error")
+    assert (error["device"], error["text"]) == ("joint 'r_hip' (id 2)", "silent")
+    assert error["remedy"].startswith("check its cable")
     assert list(message["joints"]) == ["l_hip"]
     assert message["ports"][0]["latency"] is not None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -40,7 +40,7 @@ from humanoid_getup.motions.keyframes_writer import replace_keyframes, save_keyf
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.motions.optimization import count_work
 from humanoid_getup.motions.search_log import SearchLog
-from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor, Report
 from humanoid_getup.progress.worker import report
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import draw_motion
@@ -116,9 +116,9 @@ def print_built(found: BuiltMotions, _: BuildRequest, console: Console) -> int:
 
 def check_folders(robot: Robot) -> None:
     """Refuse a robot in whose folder nothing can be written."""
-    for folder in (MOTION_FOLDER, UNFINISHED):
-        if problems := find_folder_problems(robot.folder / folder, ()):
-            raise BadInputError(*problems)
+    folders = (robot.folder / MOTION_FOLDER, robot.folder / UNFINISHED)
+    if problems := [text for folder in folders for text in find_folder_problems(folder, ())]:
+        raise BadInputError(*problems)
 
 
 def build_all(
@@ -129,7 +129,14 @@ def build_all(
     failures: dict[str, str] = {}
 
     def end(name: str, build: Build | str) -> None:
-        if failure := _try_keep(name, build, robot, keep_keys=request.keep_keys):
+        if isinstance(build, str):
+            failures[name] = build
+            return
+        try:
+            failure = keep(build, robot, keep_keys=request.keep_keys)
+        except (RuntimeError, ValueError, OSError) as error:  # disk full...
+            failure = f"{name}: {error}"
+        if failure:
             failures[name] = failure
 
     shared = make_worker_request(BuildRequest, request, robot=str(robot.folder))
@@ -143,10 +150,12 @@ def build_all(
             workers = Engine.parse(request.engine).choose_workers(len(chosen), worth=1)
             rounds = math.ceil(len(chosen) / workers)
             work = rounds * count_work(request.generations, min(done.values()))
-            watch = _Watch(monitor, request.generations, work=work, done=done)
+            show = _estimating(monitor, work, done)
+            for name in done:
+                monitor.show(Progress(phase=name, total=request.generations))
             # Builds write into the folder of their robot: it is no version.
             build = checked(partial(build_piece, shared), executor)
-            reporting = ProgressMonitor(watch.show, monitor.cancel)
+            reporting = ProgressMonitor(show, monitor.cancel)
             do_pieces(build, pieces, executor, ended=end, monitor=reporting)
     finally:
         with contextlib.suppress(OSError):  # it is not empty, or not there
@@ -198,55 +207,30 @@ def _count_done(
     """Count and report the generations in the logs, which are checked before any work."""
     done = {each.name: len(open_log(robot, each, request).generations) for each in keyframes}
     for name, count in done.items() if request.resume else ():
-        going_on = (
-            f"continues after generation {count}" if count else "begins: there is no log of it"
-        )
-        monitor.tell(f"{name} {going_on}")
+        begins = f"continues after generation {count}" if count else "begins: there is no log of it"
+        monitor.tell(f"{name} {begins}")
     return done
 
 
-def _try_keep(name: str, build: Build | str, robot: Robot, *, keep_keys: bool) -> str:
-    """Store a finished motion; return the reason of a failure."""
-    if isinstance(build, str):
-        return f"{name}: {build}"
-    try:
-        return keep(build, robot, keep_keys=keep_keys)
-    except (RuntimeError, ValueError, OSError) as error:  # disk full...
-        return f"{name}: {error}"
+def _estimating(monitor: ProgressMonitor, work: float, done: Mapping[str, int]) -> Report:
+    """Make what shows reports of workers, and, after a generation or two, how long all will take.
 
+    Args:
+        monitor: Shows them.
+        work: Of all builds, one after the other, in generations.
+        done: Generations of each motion that were done before.
+    """
+    estimate, last = "", dict[str, float]()
 
-class _Watch:
-    """Shows the reports of workers, and, after a generation or two, an estimate of the time."""
+    def show(progress: Progress) -> None:
+        nonlocal estimate
+        now, name = time.monotonic(), progress.phase
+        if not estimate and name in last and progress.done > done[name]:
+            estimate = f"; all take about {math.ceil((now - last[name]) * work / 60.0)} min"
+        last[name] = now
+        monitor.show(replace(progress, note=f"{progress.note}{estimate}"))
 
-    def __init__(
-        self,
-        monitor: ProgressMonitor,
-        generations: int,
-        *,
-        work: float,
-        done: dict[str, int],
-    ) -> None:
-        """Prepare for an amount of work in generations, besides those already done."""
-        self._monitor, self._generations = monitor, generations
-        self._work, self._done = work, done
-        self._last: dict[str, float] = {}
-        self._estimate = ""
-        for name in done:
-            monitor.show(Progress(phase=name, total=generations))
-
-    def show(self, progress: Progress) -> None:
-        """Show a report."""
-        self._measure(progress.phase, round(progress.done) - 1)
-        self._monitor.show(replace(progress, note=f"{progress.note}{self._estimate}"))
-
-    def _measure(self, name: str, generation: int) -> None:
-        """Estimate once how long the build will take, from the time since the generation before."""
-        now = time.monotonic()
-        before = self._last.get(name)
-        self._last[name] = now
-        if self._estimate or before is None or generation < self._done[name]:
-            return
-        self._estimate = f"; all take about {math.ceil((now - before) * self._work / 60.0)} min"
+    return show
 
 
 def build_piece(request: BuildRequest, piece: BuildPiece) -> Build | str:
@@ -277,4 +261,4 @@ def build_piece(request: BuildRequest, piece: BuildPiece) -> Build | str:
             log=open_log(robot, keyframes, request),
         )
     except (RuntimeError, ValueError, OSError) as error:
-        return str(error)
+        return f"{keyframes.name}: {error}"

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from rich.console import Console
 from tyro.conf import Positional, arg
@@ -17,12 +17,11 @@ from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.commands.files import READ, ROBOT, WRITTEN
 from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.motions.build_motions import check_folders
 from humanoid_getup.commands.motions.search_motions import (
     MotionSearch,
     NearestStand,
     check_begin,
-    choose_sides,
-    describe_motion,
 )
 from humanoid_getup.commands.options import (
     Count,
@@ -32,26 +31,20 @@ from humanoid_getup.commands.options import (
     TorqueLimitValue,
     write_command,
 )
-from humanoid_getup.commands.output_files import find_file_problems, find_folder_problems
+from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
 from humanoid_getup.commands.values import at_least, between
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import checked
-from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
-from humanoid_getup.motions.motion import NAME, Motion
-from humanoid_getup.motions.motion_database import MOTION_FOLDER, name_robot
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import name_robot
 from humanoid_getup.posture_chains.search_file import read_simulated
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
 from humanoid_getup.progress.worker import report
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import PostureRow, draw_motions
-from humanoid_getup.simulation.world import World
 from robots import Robot
 
-if TYPE_CHECKING:  # its evaluation of policies is slow to import
-    from sim2real.motion_discovery.discovery import Discovery
-
-RISES = 48
 DEFAULT_ROBOT = "op3"
 
 
@@ -144,7 +137,13 @@ def discover_all(
     request: DiscoverRequest, monitor: ProgressMonitor
 ) -> tuple[DiscoveredMotions, ...]:
     """Find motions of robots from each side, and store them with their keys and a picture."""
-    found = (_harvest(request, monitor),) if request.policy else _search(request, monitor)
+    if request.policy:
+        monitor.begin("loading")
+        from humanoid_getup.commands.motions.harvest_policy import harvest_policy  # slow to import
+
+        found = (harvest_policy(request, monitor),)
+    else:
+        found = _search(request, monitor)
     monitor.begin("drawing")
     return tuple(_draw(each, request) for each in found)
 
@@ -199,7 +198,7 @@ def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> tuple[Discove
 
 def _is_searched(robot: Robot, request: DiscoverRequest, monitor: ProgressMonitor) -> bool:
     """Check that a search can begin; return whether it has to, when several are resumed."""
-    _check_files(robot, request)
+    check_files(robot, request)
     begun = MotionSearch.file(robot).exists()
     if not request.resume or begun or len(request.robots) == 1:
         check_begin(robot, request)
@@ -210,45 +209,6 @@ def _is_searched(robot: Robot, request: DiscoverRequest, monitor: ProgressMonito
         monitor.tell(f"{robot.name}: {error}")
         return False
     return True
-
-
-def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMotions:
-    """Make motions of the rises of a policy."""
-    from humanoid_getup.commands.policies import load_policy
-    from humanoid_getup.commands.policies import name_robot as name_robot_of
-    from humanoid_getup.policy.onnx_policy import find_policy
-
-    request = name_robot_of(request, request.policy)
-    robot = load_robot(request)
-    policy = load_policy(robot, request.policy, None)
-    if policy.contract.style is not None:
-        raise BadInputError(
-            f"policy '{request.policy}' follows style curves, expected one without, such as that "
-            "of recipe quick"
-        )
-    name = find_policy(robot, request.policy).stem
-    _check_files(robot, request)
-    _check_policy(robot, name)
-    monitor.begin("loading")
-    from sim2real.motion_discovery.discovery import MotionDiscovery
-
-    discovery = MotionDiscovery(World(robot), policy, policy_name=name, seed=request.seed)
-    found: list[Discovery] = []
-    rises = request.rises or RISES
-    for side in choose_sides(request, robot):
-        count = monitor.count(f"rises ({side})", rises)
-        found.append(discovery.search(side, rises, request.most, count))
-        for motion in found[-1].motions:
-            motion_file(robot.folder, motion.name).parent.mkdir(exist_ok=True)
-            motion.save(motion_file(robot.folder, motion.name))
-        for line in _describe(found[-1]):
-            monitor.tell(line)
-    return DiscoveredMotions(
-        robot=robot,
-        motions=tuple(motion for each in found for motion in each.motions),
-        wanting=tuple(each.start_class for each in found if not each.motions),
-        goes_on=False,
-    )
 
 
 def _draw(found: DiscoveredMotions, request: DiscoverRequest) -> DiscoveredMotions:
@@ -268,44 +228,10 @@ def _find_picture(robot: Robot, request: DiscoverRequest) -> Path:
     return request.picture or Path(f"{robot.name}_motions.png")
 
 
-def _check_files(robot: Robot, request: DiscoverRequest) -> None:
+def check_files(robot: Robot, request: DiscoverRequest) -> None:
     """Refuse what cannot be written."""
-    folders = [robot.folder / MOTION_FOLDER, robot.folder / UNFINISHED]
-    problems = [text for folder in folders for text in find_folder_problems(folder, ())]
-    if problems := problems + find_file_problems(_find_picture(robot, request)):
-        raise BadInputError(*problems)
-
-
-def _check_policy(robot: Robot, policy: str) -> None:
-    """Refuse a policy whose name is no name of a motion, or whose motions exist already."""
-    folder = robot.folder / MOTION_FOLDER
-    if not NAME.fullmatch(policy):
-        raise BadInputError(
-            f"policy file is named {policy!r}, expected letters, digits, '_', '-' and '.': motions "
-            "are named after it"
-        )
-    there = sorted(path.stem for path in folder.glob(f"*_{policy}_[0-9]*.npz"))
-    if there:
-        raise BadInputError(
-            f"motions of policy '{policy}' are there already: {', '.join(there)}; remove them "
-            f"from {folder} first"
-        )
-
-
-def _describe(found: Discovery) -> list[str]:
-    """Describe how many rises stood, and the motions found."""
-    lines = [
-        f"{found.start_class}: the policy stood in {found.learned} of {found.tried} rises, "
-        f"{found.replayed} stand without it"
-    ]
-    lines += [describe_motion(motion) for motion in found.motions]
-    if not found.motions:
-        lines.append(
-            f"no motion from {found.start_class}: the best stood in {found.best_share:.0%} of "
-            f"disturbed worlds, expected {SOUND:.0%} and a passed preflight (train longer, or try "
-            "more --rises)"
-        )
-    return lines
+    check_folders(robot)
+    check_file(_find_picture(robot, request))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,8 +24,6 @@ from humanoid_getup.commands.command_table import COMMANDS
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.main import SIGNALS, main
 from humanoid_getup.commands.options import JobRequest
-from humanoid_getup.motions.motion import Motion
-from robots import Robot
 
 MOTION = "squat_to_stand"
 
@@ -309,30 +307,3 @@ def test_without_a_gl_there_is_no_film_strip(tmp_path: Path):
     assert done.stderr.startswith("getup: no film strip: no GL to render with (MUJOCO_GL=disable)")
     assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_motions_are_listed(run: Run, op3: Robot):
-    code, out, _ = run("motions", "list", "--json", "-")
-    assert code == 0
-    listed = {row["name"]: row for row in json.loads(out)["motions"]}
-    stored = sorted(path.stem for path in (op3.folder / "motions").glob("*.npz"))
-    assert sorted(listed) == stored
-    squat = listed[MOTION]
-    motion = Motion.load(op3.folder / "motions" / f"{MOTION}.npz")
-    assert (squat["start_class"], squat["mirrored"]) == ("squat", False)
-    assert squat["duration_s"] == pytest.approx(motion.duration)
-    assert squat["stand_time_s"] == pytest.approx(motion.provenance["stand_time_s"])
-    code, out, _ = run("motions", "list")
-    assert code == 0
-    assert [line.split()[0] for line in out.splitlines()[-len(stored) :]] == stored
-
-
-def test_a_motion_is_shown_as_a_film_strip_or_not_at_all(run: Run):
-    code, out, error = run("motions", "show", MOTION, "--picture", "new/strip.png")
-    if code:
-        assert error.startswith("getup: no film strip: no GL to render with")
-        assert list(Path.cwd().iterdir()) == []
-    else:
-        assert out == "film strip in new/strip.png\n"
-        assert [path.name for path in Path("new").iterdir()] == ["strip.png"]
-        assert Path("new/strip.png").read_bytes().startswith(b"\x89PNG")

@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from run_getup import Run
 
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.main import main
 from humanoid_getup.commands.motions import search_motions
 from humanoid_getup.commands.motions.discover_motions import (
     DiscoverRequest,
@@ -32,125 +32,94 @@ from robots import Robot, load_robot
 
 pytestmark = pytest.mark.usefixtures("few_postures")
 
-SIDES = ("supine", "prone", "left")
-SHARED = ("--sides", "supine", "--budget", "1", "--seed", "4")
+STORED = {
+    "supine": "supine_sit_up_fast",
+    "prone": "prone_push_up_fast",
+    "left": "lateral_side_sit",
+}
 HOT = Reason(kind=ReasonKind.REFUSE, joint=None, text="too hot")
-Getup = Callable[..., tuple[int, str, str]]
+DISCOVER = ("motions", "discover", "--robot", "bare")
 
 
 @pytest.fixture
-def bare(op3: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder of OP3 without motions, keys and policies; searches take small batches."""
+def bare(op3: Robot, tmp_path: Path) -> Path:
+    """Return a folder of OP3 without motions, keys and policies."""
     hidden = shutil.ignore_patterns("motions", "policies", "keyframes.toml")
-    shutil.copytree(op3.folder, tmp_path / "bare", ignore=hidden)
-    monkeypatch.chdir(tmp_path)
+    return Path(shutil.copytree(op3.folder, tmp_path / "bare", ignore=hidden))
+
+
+@pytest.fixture
+def small_batches(monkeypatch: pytest.MonkeyPatch) -> None:
     small = partial(SearchSettings, batch=4, worlds=2, threads=1)
     monkeypatch.setattr(search_motions, "SearchSettings", small)
-    return tmp_path / "bare"
 
 
 @pytest.fixture
-def getup(capsys: pytest.CaptureFixture[str]) -> Getup:
-    """Return a function that discovers motions of the bare robot."""
-
-    def run(*options: str) -> tuple[int, str, str]:
-        code = main(["motions", "discover", "--robot", "bare", *options])
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
-
-
-@pytest.fixture
-def found(op3: Robot, monkeypatch: pytest.MonkeyPatch) -> list[MadeMotion]:
-    """Let every search find stored rises at once; return them as they were made."""
-    stored = {
-        "supine": "supine_sit_up_fast",
-        "prone": "prone_push_up_fast",
-        "left": "lateral_side_sit",
-    }
+def found(op3: Robot, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Let every search find stored rises at once; return their names."""
     keys = {each.name: each for each in load_keyframes(op3.folder / "keyframes.toml", op3)}
-    made = list[MadeMotion]()
+    names = list[str]()
 
     def advance(self: ChainDiscovery) -> Iterator[tuple[SideSearch, MadeMotion]]:
         for each in self.sides:
-            name = f"{each.side}_found_1"
-            motion = replace(find_motion(op3, stored[each.side]), name=name)
-            keyframes = replace(keys[stored[each.side]], name=name)
+            names.append(f"{each.side}_found_1")
+            motion = replace(find_motion(op3, STORED[each.side]), name=names[-1])
+            keyframes = replace(keys[STORED[each.side]], name=names[-1])
             each.kept.append(motion)
-            made.append(MadeMotion(keyframes=keyframes, share=1.0, motion=motion))
-            yield each, made[-1]
+            yield each, MadeMotion(keyframes=keyframes, share=1.0, motion=motion)
 
     monkeypatch.setattr(ChainDiscovery, "advance", advance)
-    return made
+    return names
 
 
-def test_motions_and_their_keys_are_stored_and_drawn(
-    bare: Path, getup: Getup, found: list[MadeMotion]
+@pytest.mark.usefixtures("small_batches")
+def test_motions_and_their_keys_are_stored_drawn_and_never_replaced(
+    bare: Path, run: Run, found: list[str]
 ):
-    code, out, _ = getup("--most", "1")
+    code, out, _ = run(*DISCOVER, "--most", "1")
     assert code == 0
     robot = load_robot(bare)
-    assert {motion.name for motion in load_database(robot).motions} >= {
-        f"{side}_found_1" for side in SIDES
-    }
-    keys = load_keyframes(bare / "keyframes.toml", robot)
-    assert [each.name for each in keys] == [made.keyframes.name for made in found]
+    assert {motion.name for motion in load_database(robot).motions} >= set(found)
+    assert [each.name for each in load_keyframes(bare / "keyframes.toml", robot)] == found
     assert Path("op3_motions.png").stat().st_size > 10_000
     assert "motion 'prone_found_1' (" in out
     assert "next: getup rise --robot" in out
     assert not (bare / "unfinished").exists()
 
-
-@pytest.mark.usefixtures("found", "no_film")
-def test_motions_of_an_earlier_search_are_never_replaced(bare: Path, getup: Getup):
-    assert getup("--most", "1")[0] == 0
     before = {file: file.read_bytes() for file in (bare / "motions").iterdir()}
-    code, _, err = getup("--most", "1")
+    code, _, error = run(*DISCOVER, "--most", "1")
     assert code == 2
-    assert "motions of an earlier search are there: supine_found_1, prone_found_1" in err
+    assert "motions of an earlier search are there: supine_found_1, prone_found_1" in error
+    assert "--resume" not in error
+    assert {file: file.read_bytes() for file in (bare / "motions").iterdir()} == before
     (bare / "motions" / "prone_found_1.npz").unlink()
     hidden = (bare / "keyframes.toml").read_text("utf-8").replace("prone_found_1", "push")
     (bare / "keyframes.toml").write_text(hidden, "utf-8")
-    assert "or search the others with --sides prone" in getup("--most", "1")[2]
+    assert "or search the others with --sides prone" in run(*DISCOVER, "--most", "1")[2]
     assert suggest_motions(load_robot(bare)).endswith("--sides prone")
-    (bare / "motions" / "prone_found_1.npz").write_bytes(
-        before[bare / "motions" / "prone_found_1.npz"]
-    )
-    assert "--resume" not in err
-    assert {file: file.read_bytes() for file in (bare / "motions").iterdir()} == before
 
 
-def test_a_search_whose_budget_ends_says_how_to_go_on_and_does(bare: Path, getup: Getup):
-    options = ("--sides", "supine", "--budget", "100")
-    code, out, _ = getup(*options)
-    assert code == 1
-    assert "no motion from: supine" in out
-    assert re.search(r"supine: no chain stands; .* after \d+ moves, has its neck at \d+%", out)
-    assert Path("op3_motions.png").stat().st_size > 5_000
-    again = "getup motions discover --robot bare --sides supine --budget 100 --resume"
-    assert f"next: {again}" in out
-    file = bare / "unfinished" / "search.npz"
-    size = file.stat().st_size
-    assert "--sides is 'up'" in getup("--sides", "up")[2]
-    code, _, err = getup(*options)
-    assert code == 2
-    assert "a search that ended before it was done is there: go on with --resume" in err
-    code, out, _ = getup(*options, "--resume")
-    assert code == 1
-    assert re.search(r"goes on after \d+ s simulated: supine: \d+%", out)
-    assert file.stat().st_size > size
-    assert not (bare / "motions").exists()
-
-
-@pytest.mark.usefixtures("no_film")
-def test_a_cancelled_search_can_be_resumed(bare: Path, getup: Getup):
+@pytest.mark.usefixtures("small_batches")
+def test_a_cancelled_search_goes_on_and_says_how_when_its_budget_ends(bare: Path, run: Run):
     reports = list[Progress]()
     request = DiscoverRequest(robot=str(bare), sides=("supine",), budget=1e6)
     with pytest.raises(CancelledError):
         discover(request, reports.append, lambda: any(each.done > 50.0 for each in reports))
-    assert (bare / "unfinished" / "search.npz").exists()
-    assert getup("--sides", "supine", "--budget", "1", "--resume")[0] == 1
+    file = bare / "unfinished" / "search.npz"
+    size = file.stat().st_size
+    wanted = (*DISCOVER, "--sides", "supine", "--budget", "100")
+    code, _, error = run(*wanted)
+    assert code == 2
+    assert "a search that ended before it was done is there: go on with --resume" in error
+    code, out, _ = run(*wanted, "--resume")
+    assert code == 1
+    assert re.search(r"goes on after \d+ s simulated: supine: \d+%", out)
+    assert "no motion from: supine" in out
+    assert re.search(r"supine: no chain stands; .* after \d+ moves, has its neck at \d+%", out)
+    assert f"next: getup {' '.join(wanted)} --resume" in out
+    assert Path("op3_motions.png").stat().st_size > 5_000
+    assert file.stat().st_size > size
+    assert not (bare / "motions").exists()
 
 
 @pytest.mark.parametrize(
@@ -173,21 +142,17 @@ def test_a_search_accepts_what_the_preflight_passes(
 
 
 @pytest.mark.slow
-def test_op3_finds_a_rise_from_its_back(
-    op3: Robot, tmp_path: Path, getup: Getup, monkeypatch: pytest.MonkeyPatch
-):
-    hidden = shutil.ignore_patterns("motions", "policies", "keyframes.toml")
-    shutil.copytree(op3.folder, tmp_path / "bare", ignore=hidden)
-    monkeypatch.chdir(tmp_path)
-    code, out, _ = getup("--sides", "supine", "--most", "1", "--seed", "4")
+def test_op3_finds_a_rise_from_its_back(bare: Path, run: Run):
+    code, out, _ = run(*DISCOVER, "--sides", "supine", "--most", "1", "--seed", "4")
     assert code == 0, out
-    motion = Motion.load(tmp_path / "bare" / "motions" / "supine_found_1.npz")
+    motion = Motion.load(bare / "motions" / "supine_found_1.npz")
     assert float(motion.provenance["disturbed_success"]) >= 0.9
 
 
 @pytest.fixture
-def two(bare: Path) -> list[Path]:
+def two(bare: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Return the folders of two robots without motions, one and two."""
+    monkeypatch.chdir(bare.parent)
     folders = [Path(shutil.copytree(bare, bare.with_name(name))) for name in ("one", "two")]
     for folder in folders:
         described = (folder / "robot.toml").read_text("utf-8")
@@ -197,59 +162,44 @@ def two(bare: Path) -> list[Path]:
 
 
 @pytest.mark.slow
-def test_several_robots_are_searched_in_one_command(
-    two: list[Path], capsys: pytest.CaptureFixture[str]
-):
-    assert main(["motions", "discover", "--robot", "one,two", *SHARED]) == 1
-    out = capsys.readouterr().out
-    assert "one: 0 motions, none from supine" in out
-    assert "two: 0 motions, none from supine" in out
-    assert all((folder / "unfinished" / "search.npz").exists() for folder in two)
-    assert Path("one_motions.png").exists() and Path("two_motions.png").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("no_film")
-def test_a_cancelled_search_of_several_robots_is_resumed_where_it_was(two: list[Path]):
+@pytest.mark.usefixtures("small_batches")
+def test_a_cancelled_search_of_several_robots_is_resumed_where_it_was(two: list[Path], run: Run):
     reports = list[Progress]()
     request = DiscoverRequest(robot="one,two", sides=("supine",), budget=1.0)
     with pytest.raises(CancelledError):
         discover_all(request, reports.append, lambda: reports[-1].phase == "two: search")
-    files = [folder / "unfinished" / "search.npz" for folder in two]
-    assert [file.exists() for file in files] == [True, True]
-    found = discover_all(replace(request, resume=True), reports.append)
-    assert [each.robot.name for each in found] == ["one", "two"]
-    lines = [each.message for each in reports]
+    assert all((folder / "unfinished" / "search.npz").exists() for folder in two)
+    line = "motions discover --robot one,two --sides supine --budget 1 --resume"
+    code, out, _ = run(*line.split())
+    assert code == 1
     for name in ("one", "two"):
-        assert any(line.startswith(f"{name}: goes on after") for line in lines)
+        assert f"{name}: goes on after" in out
+        assert f"{name}: 0 motions, none from supine" in out
+        assert Path(f"{name}_motions.png").exists()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--robot", "one,one"), "--robot has one twice, expected robots of different names"),
-        (("--robot", "one,two", "--picture", "a.png"), "--picture is given, expected none with"),
-        (("quick", "--robot", "one,two"), "--robot is one,two, expected one with a policy"),
-        (("quick", "--robot", "one", "--engine", "local:2"), "--engine is given, expected none"),
-        (("quick", "--robot", "one", "--resume"), "--resume is given, expected none with a policy"),
-        (("--robot", "one", "--sides", "right"), "expected supine, prone or left"),
-    ],
-)
-def test_options_that_do_not_fit_are_refused(
-    two: list[Path],
-    capsys: pytest.CaptureFixture[str],
-    options: tuple[str, ...],
-    message: str,
-):
-    assert main(["motions", "discover", *options]) == 2
-    assert message in capsys.readouterr().err
+def test_options_that_do_not_fit_are_refused(two: list[Path]):
+    several = DiscoverRequest(robot="one,two", policy="quick", picture=Path("a.png"))
+    assert several.find_problems() == [
+        "--picture is given, expected none with several robots",
+        "--robot is one,two, expected one with a policy",
+    ]
+    of_search = DiscoverRequest(policy="quick", engine="local:2", resume=True, torque_limit=2.0)
+    assert of_search.find_problems() == [
+        f"{name} is given, expected none with a policy"
+        for name in ("--resume", "--torque-limit", "--engine")
+    ]
+    with pytest.raises(BadInputError, match="--robot has one twice, expected robots of different"):
+        discover_all(DiscoverRequest(robot="one,one"))
+    with pytest.raises(BadInputError, match="expected one: discover_all takes several"):
+        discover(DiscoverRequest(robot="one,two"))
     assert not any((folder / "unfinished").exists() for folder in two)
 
 
-def test_a_worker_that_does_not_share_the_folder_is_refused(two: list[Path], tmp_path: Path):
-    request = DiscoverRequest(robot=str(two[0]))
-    folder = SharedFolder(folder=two[0], mark=tmp_path / "elsewhere")
+def test_a_worker_that_does_not_share_the_folder_is_refused(bare: Path, tmp_path: Path):
+    folder = SharedFolder(folder=bare, mark=tmp_path / "elsewhere")
+    request = DiscoverRequest(robot=str(bare))
     piece = SearchPiece(request=request, before=None, prefix="", folder=folder)
     with pytest.raises(BadInputError, match="expected one that all machines share"):
         search_piece(1, piece)
-    assert not (two[0] / "unfinished").exists()
+    assert not (bare / "unfinished").exists()

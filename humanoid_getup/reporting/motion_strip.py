@@ -11,7 +11,7 @@ import numpy as np
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.reporting import film_strip
-from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.kinematics import lowest_point, place
@@ -21,11 +21,14 @@ if TYPE_CHECKING:  # it optimizes, and is slow to import
     from humanoid_getup.motions.trial import Trial
 
 
-def draw_motion(robot: Robot, motion: Motion, path: Path) -> None:
+def draw_motion(
+    robot: Robot, motion: Motion, path: Path, *, scene: Scene = FLAT_SCENE, title: str = ""
+) -> None:
     """Draw a motion as a film strip into a PNG file."""
-    pictures, times = _render(robot, motion, film_strip.FRAMES)
+    pictures, times = _render(World(robot, scene), motion, film_strip.FRAMES)
     path.parent.mkdir(parents=True, exist_ok=True)
-    film_strip.save_strip(pictures, times, path, title=f"{motion.name}: {motion.strategy}")
+    title = title or f"{motion.name}: {motion.strategy}"
+    film_strip.save_strip(pictures, times, path, title=title)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,21 +51,21 @@ def draw_motions(
         pictures.extend([frames, *blank])
         captions.extend([*shown, *[""] * len(blank)])
 
+    world = World(robot, FLAT_SCENE)
     for motion in motions:
-        frames, times = _render(robot, motion, film_strip.COLUMNS)
+        frames, times = _render(world, motion, film_strip.COLUMNS)
         add(frames, [motion.name, *(f"{time:.1f} s" for time in times[1:])])
-    model = World(robot, FLAT_SCENE).model
     for row in rows:
         chosen = film_strip.pick_frames(len(row.qpos), film_strip.COLUMNS)
-        frames = film_strip.render_frames(robot, model, row.qpos[chosen])
+        frames = film_strip.render_frames(robot, world.model, row.qpos[chosen])
         add(frames, [row.name, *(f"{k}" for k in chosen[1:])])
     path.parent.mkdir(parents=True, exist_ok=True)
     film_strip.save_sheet(np.concatenate(pictures), captions, path, title=f"{robot.name}: motions")
 
 
-def _render(robot: Robot, motion: Motion, frames: int) -> tuple[np.ndarray, Array]:
+def _render(world: World, motion: Motion, frames: int) -> tuple[np.ndarray, Array]:
     """Render frames until a motion stands; return pictures and their times [s]."""
-    model = World(robot, FLAT_SCENE).model
+    robot, model = world.robot, world.model
     # All frames where it is not known when it stands.
     stands = motion.duration if motion.stand_time is None else motion.stand_time
     end = motion.time[0] + stands + film_strip.AFTERMATH

@@ -21,7 +21,6 @@ from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.values import at_least
 from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.motions.key_posture import KeyPosture
-from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.path_planner import PathOptions
@@ -35,9 +34,9 @@ from humanoid_getup.planning.path_query import (
 )
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting import film_strip
+from humanoid_getup.reporting.film_strip import NoRendererError
+from humanoid_getup.reporting.motion_strip import draw_motion
 from humanoid_getup.simulation.world import World
-from robots.kinematics import place_postures
 
 PATH, STRIP = "path.npz", "strip.png"
 FILES = (PATH, STRIP)
@@ -172,30 +171,17 @@ def plan(request: PlanRequest, monitor: ProgressMonitor) -> PlannedPath:
 
 def _write(found: PlannedPath, folder: Path) -> str | None:
     """Write the path and its film strip; return why there is no strip."""
-    answer, request = found.answer, found.request
+    answer, request, world = found.answer, found.request, found.world
     path = answer.path if answer.found or request.keep_partial else None
     if path is None:
         return "there is no path"
-    to_motion(found.world, path, answer, request.seed).save(folder / PATH)
-    return _draw(path, found.world, folder / STRIP, answer.goal.name)
-
-
-def _draw(path: Trajectory, world: World, file: Path, goal: str) -> str | None:
-    """Draw a path as a film strip; return why there is none."""
-    rows = film_strip.pick_frames(len(path.time))
-    qpos = place_postures(
-        world.robot,
-        world.model,
-        path.position[rows],
-        path.orientation[rows],
-        path.joint_pos[rows],
-    )
+    motion = to_motion(world, path, answer, request.seed)
+    motion.save(folder / PATH)
+    title = f"{world.robot.name}, {world.scene.name}: path to {answer.goal.name}, no physics"
     try:
-        pictures = film_strip.render_frames(world.robot, world.model, qpos)
-    except film_strip.NoRendererError as error:
+        draw_motion(world.robot, motion, folder / STRIP, scene=world.scene, title=title)
+    except NoRendererError as error:
         return str(error)
-    title = f"{world.robot.name}, {world.scene.name}: path to {goal}, no physics"
-    film_strip.save_strip(pictures, path.time[rows], file, title=title)
     return None
 
 

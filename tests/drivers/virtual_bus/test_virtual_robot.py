@@ -21,13 +21,6 @@ from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Posture, Robot, load_robot
 from robots.servo import RAD_PER_TICK, LimitMode
 
-IN_THE_AIR = Posture(
-    position=np.array([0.0, 0.0, 1.0]),
-    orientation=np.array([1.0, 0.0, 0.0, 0.0]),
-    joint_pos=np.zeros(2),
-)
-
-
 CYCLES = 100  # long enough for every joint to swing
 
 
@@ -45,32 +38,28 @@ def thrash(backend: Backend, cycles: int, torque_limit: float | None = None) -> 
     return states
 
 
-def test_twin_and_virtual_bus_give_one_and_the_same_path(op3: Robot):
-    assert_one_path(op3, "current", 1.2)
-
-
-@pytest.mark.parametrize("limit_by", ["current", "pwm"])
-@pytest.mark.parametrize("body", ["tiny", "geared", "coupled"])
-def test_with_or_without_gears_and_couplings_and_whatever_limits_torque(
+@pytest.mark.parametrize(
+    ("body", "limit_by"),
+    [("op3", "current"), ("tiny", "pwm"), ("geared", "current"), ("coupled", "pwm")],
+)
+def test_twin_and_virtual_bus_give_one_path_whatever_turns_a_joint_and_limits_its_torque(
     body: str, limit_by: LimitMode, request: pytest.FixtureRequest
 ):
-    assert_one_path(request.getfixturevalue(body), limit_by, 1.0)
+    assert_one_path(request.getfixturevalue(body), limit_by, 1.1)
 
 
-def test_servos_of_other_types_with_gains_of_their_own_take_one_path_too(own_robot: Path):
+def test_so_they_do_with_other_servos_and_gains_and_a_period_that_2_ms_do_not_divide(
+    own_robot: Path,
+):
     old = 'id = 2, servo = "XM430-W350"'
     spoil(own_robot, old, 'id = 2, servo = "XM430-W210", p_gain = 900')
+    spoil(own_robot, "control_period = 0.008", "control_period = 0.0125")
     robot = load_robot(own_robot)
     assert robot.p_gain.tolist() == [800, 900]
     assert_one_path(robot, "current", None)
 
 
-def test_a_control_period_that_2_ms_do_not_divide_gives_one_path_too(own_robot: Path):
-    spoil(own_robot, "control_period = 0.008", "control_period = 0.0125")
-    assert_one_path(load_robot(own_robot), "current", None)
-
-
-def test_a_robot_that_hits_the_ground_takes_one_path_too(op3: Robot):
+def test_so_they_do_where_a_robot_hits_the_ground(op3: Robot):
     """Its accelerometer meets the end of its range, where one count makes another orientation."""
     assert_one_path(op3, "current", None, replace(op3.standing, position=np.array([0.0, 0.0, 0.6])))
 
@@ -124,7 +113,7 @@ def test_coupled_servos_turn_at_their_goals_and_their_joints_by_both(coupled: Ro
     simulation = Simulation(coupled)
     simulation.model.opt.gravity[:] = 0.0
     virtual = VirtualRobot(simulation, powered=True)
-    virtual.place(IN_THE_AIR)
+    virtual.place(replace(coupled.standing, position=np.array([0.0, 0.0, 1.0])))
     for servo in virtual.servos:
         assert servo.write(11, bytes([OperatingMode.EXTENDED_POSITION])) == 0
         assert servo.write(64, b"\x01") == 0
@@ -160,8 +149,5 @@ def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
     assert reached.joint_pos == pytest.approx([0.2, -0.2], abs=0.05)
     assert reached.age == 0.0
     assert passed == pytest.approx(60 * robot.control_period)
-
-
-def test_a_robot_without_a_bus_is_named_with_what_it_lacks(tiny: Robot):
     with pytest.raises(SetupError, match=r"add a \[bus\] table to its robot.toml"):
         VirtualRobot(Simulation(replace(tiny, bus=None)))

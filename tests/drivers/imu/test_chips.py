@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from nonempty import nonempty
 
 from drivers.imu.build import build_i2c_source
 from drivers.imu.i2c import I2cChip
@@ -50,9 +49,14 @@ def counts_of(chip: VirtualBno055, register: int) -> list[int]:
     return np.frombuffer(chip.transfer(bytes([register]), 6), "<i2").tolist()
 
 
-def test_a_bno055_reaches_as_far_as_its_ranges():
+def test_a_bno055_measures_what_its_mode_says_as_far_as_its_ranges_reach():
     spinning = replace(READING, gyro=np.radians([3000.0, -3000.0, 100.0]))
     shaken = replace(READING, accelerometer=9.81 * np.array([20.0, -20.0, 1.0]))
+    modes = {0: "", 1: "a", 2: "", 3: "g", 4: "a", 5: "ag", 6: "g", 7: "ag", 9: "a", 12: "ag"}
+    for mode, measured in modes.items():
+        chip = bno055(f"AA 00 3D 01 {mode:02X}")
+        found = [any(counts_of(chip, register)) for register in (0x08, 0x14)]
+        assert found == ["a" in measured, "g" in measured], mode
     for code, degrees in enumerate((2000, 1000, 500, 250, 125)):
         setting = f"AA 00 0A 01 {0x38 | code:02X}"
         frames = ("AA 00 07 01 01", setting, "AA 00 07 01 00", "AA 00 3D 01 05")
@@ -63,14 +67,6 @@ def test_a_bno055_reaches_as_far_as_its_ranges():
         frames = ("AA 00 07 01 01", setting, "AA 00 07 01 00", "AA 00 3B 01 01", "AA 00 3D 01 05")
         chip = bno055(*frames, reading=shaken)
         assert counts_of(chip, 0x08) == [1000 * g, -1000 * g, 1000]
-
-
-def test_a_bno055_measures_what_its_mode_says():
-    modes = {0: "", 1: "a", 2: "", 3: "g", 4: "a", 5: "ag", 6: "g", 7: "ag", 9: "a", 12: "ag"}
-    for mode, measured in nonempty(modes.items()):
-        chip = bno055(f"AA 00 3D 01 {mode:02X}")
-        assert any(counts_of(chip, 0x08)) == ("a" in measured), mode
-        assert any(counts_of(chip, 0x14)) == ("g" in measured), mode
 
 
 @given(sizes=st.lists(st.integers(4, 40), min_size=1, max_size=60))
@@ -103,7 +99,7 @@ def set_feature(chip: VirtualBno08xI2c, sensor: int, interval: int) -> None:
     chip.transfer(bytes([21, 0, 2, 0]) + feature)
 
 
-@pytest.mark.parametrize("interval", [10_000, 20_000, 50_000, 100_000])
+@pytest.mark.parametrize("interval", [10_000, 50_000])
 def test_a_bno08x_reports_as_often_as_it_is_asked_to(interval: int):
     chip = VirtualBno08xI2c()
     chip.transfer(b"", 5)
@@ -208,15 +204,11 @@ def test_zeros_of_a_bno055_count_in_the_mode_that_it_was_set_to():
     chip.pages[0][0x08], chip.pages[0][0x3D] = 0, 0
     assert cycles(source, 3) == []
     assert len(cycles(source, 100)) > 20 and chip.pages[0][0x3D] == 5
-
-
-@pytest.mark.usefixtures("counted_time")
-@pytest.mark.parametrize("mode", [0x00, 0x01, 0x0C])
-def test_zeros_of_a_bno055_in_another_mode_mean_that_it_must_be_set_again(mode: int):
-    chip, source = measuring_055()
-    chip.pages[0][0x08], chip.pages[0][0x3D] = 0, mode
-    cycles(source, 100)
-    assert chip.pages[0][0x3D] == 5
+    for mode in (0x00, 0x01, 0x0C):
+        chip, source = measuring_055()
+        chip.pages[0][0x08], chip.pages[0][0x3D] = 0, mode
+        cycles(source, 100)
+        assert chip.pages[0][0x3D] == 5, f"set again from mode {mode}"
 
 
 @pytest.mark.usefixtures("counted_time")

@@ -1,15 +1,17 @@
-"""Transfers on an I2C bus of Linux, as its kernel sees them."""
+"""Transfers on an I2C bus of Linux, as its kernel sees them; a sensor that is read in a thread."""
 
 import errno
 import sys
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from smbus2 import smbus2
+from waiting import wait_until
 
-from drivers.imu.build import build_i2c_source
+from drivers.imu.build import BackgroundImu, build_i2c_source, build_imu_source
 from drivers.imu.i2c import LinuxI2cChip
-from drivers.imu.source import ImuError
+from drivers.imu.source import ImuError, ImuSample
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from robots import ImuSettings
 
@@ -65,20 +67,15 @@ def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
 
 def test_a_register_is_read_in_one_transfer_with_a_repeated_start(kernel: Kernel):
     chip = LinuxI2cChip(1, 0x28)
-    chip.open()
+    assert chip.path == "/dev/i2c-1 at 0x28"
+    for _ in range(2):
+        chip.open()
+    assert kernel.open_files == 1
     assert chip.transfer(bytes([0x00]), 4) == bytes.fromhex("A0FB320F")
     assert chip.transfer(bytes([0x3D, 0x05])) == b""
     assert chip.transfer(bytes([0x3D]), 1) == b"\x05"
     write, read = (0x28, False), (0x28, True)
     assert kernel.transfers == [[write, read], [write], [write, read]]
-
-
-def test_a_bus_is_opened_once_and_closed_once(kernel: Kernel):
-    chip = LinuxI2cChip(1, 0x28)
-    assert chip.path == "/dev/i2c-1 at 0x28"
-    for _ in range(2):
-        chip.open()
-    assert kernel.open_files == 1
     for _ in range(2):
         chip.close()
     assert kernel.open_files == 0
@@ -97,8 +94,54 @@ def test_a_bus_that_is_no_i2c_bus_is_not_left_open(kernel: Kernel, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", ["bno055", "bno08x"])
-def test_without_the_package_the_source_says_what_it_needs(kind, monkeypatch):
+def test_without_the_bus_or_its_package_the_source_says_what_it_needs(kind, monkeypatch):
+    settings = ImuSettings(kind=kind, connection="i2c", i2c_bus=250)
+    source = build_imu_source(settings, "", lambda *_: pytest.fail("no serial port is needed"))
+    with pytest.raises(ImuError, match=r"on /dev/i2c-250 at 0x..: No such file or directory; chec"):
+        source.open()
     monkeypatch.setitem(sys.modules, "smbus2", None)
     source = build_i2c_source(ImuSettings(kind=kind, connection="i2c"), LinuxI2cChip(1, 0x28))
     with pytest.raises(ImuError, match="I2C needs Linux and the package smbus2"):
         source.open()
+
+
+class SlowSensor:
+    """A source whose only transfer takes half a second of a clock that it advances itself."""
+
+    name, note, damaged = "slow", "", 7
+
+    def __init__(self) -> None:
+        self.now = 10.0
+        self.requests: list[float] = []
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def request(self, now: float) -> None:
+        self.requests.append(now)
+
+    def poll(self) -> ImuSample | None:
+        if len(self.requests) != 1:
+            return None
+        self.now += 0.5
+        return ImuSample(np.zeros(3), np.array([0.0, 0.0, 9.81]), counts=b"", age=0.25)
+
+
+def test_a_sample_is_as_old_as_its_transfer_and_the_time_since(monkeypatch):
+    sensor = SlowSensor()
+    monkeypatch.setattr("drivers.imu.build.time", sensor)
+    source = BackgroundImu(sensor)
+    assert (source.name, source.note, source.damaged) == ("slow", "", 7)
+    source.open()
+    try:
+        wait_until(lambda: len(sensor.requests) > 2)  # the first sample is there
+        sensor.now = 12.0
+        sample = source.poll()
+    finally:
+        source.close()
+    assert sensor.requests[0] == 10.0
+    assert sample is not None and sample.age == 0.25 + 12.0 - 10.0

@@ -17,7 +17,7 @@ from drivers.errors import SetupError
 from drivers.imu import i2c
 from drivers.imu.build import build_i2c_source, choose_chip
 from drivers.imu.i2c import LONGEST_PATH, I2cChip, LinuxI2cChip, SocketI2cChip
-from drivers.imu.source import ImuError, ImuSample, ImuSource
+from drivers.imu.source import ImuError
 from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualI2cChip
 from drivers.virtual_bus.serving.server import CallQueue
 from drivers.virtual_bus.serving.side_lines import I2cLine
@@ -67,12 +67,6 @@ def transfer(chip: I2cChip, data: bytes, count: int) -> bytes | int | None:
         return chip.transfer(data, count)
     except OSError as error:
         return error.errno
-
-
-def measure(source: ImuSource) -> ImuSample:
-    sample = source.measure()
-    assert sample is not None
-    return sample
 
 
 @pytest.mark.parametrize("kind", SETTINGS)
@@ -137,12 +131,11 @@ def test_a_bus_that_ends_is_a_silent_imu_until_it_is_back(tmp_path: Path):
     source = build_i2c_source(SETTINGS["bno08x"], choose_chip(SETTINGS["bno08x"], str(path)))
     with serving(make_chip("bno08x"), "bno08x", path):
         source.open()
-        measure(source)
+        assert source.measure() is not None
     for _ in range(3):
         source.request(0.0)
         assert source.poll() is None
-    chip = make_chip("bno08x")
-    with serving(chip, "bno08x", path):
+    with serving(make_chip("bno08x"), "bno08x", path):
         wait_until(lambda: source.poll() is not None)
         source.close()
         source.close()
@@ -205,23 +198,11 @@ def test_a_path_is_a_bus_of_linux_or_a_socket(tmp_path: Path):
     assert isinstance(choose_chip(settings, str(tmp_path / "link")), LinuxI2cChip)
 
 
-def make_line(link: Path) -> I2cLine:
-    return I2cLine(make_chip("bno055"), 0x28, link=link)
-
-
-def test_a_socket_that_a_dead_bus_left_behind_is_replaced(tmp_path: Path):
-    kept = tmp_path / "kept"
-    first = make_line(tmp_path / "bus")
-    (tmp_path / "bus").rename(kept)
-    first.close()
-    assert kept.is_socket()
-    again = make_line(kept)
-    again.close()
-    assert not kept.exists()
-
-
-def test_a_path_that_is_in_use_or_not_to_be_written_is_refused(tmp_path: Path):
-    line, file = make_line(tmp_path / "bus"), tmp_path / "file"
+def test_a_path_in_use_or_not_to_be_written_is_refused_and_a_dead_one_replaced(
+    tmp_path: Path,
+):
+    make_line = lambda link: I2cLine(make_chip("bno055"), 0x28, link=link)  # noqa: E731
+    line, file, kept = make_line(tmp_path / "bus"), tmp_path / "file", tmp_path / "kept"
     file.write_text("mine")
     for link in (tmp_path / "bus", file):
         with pytest.raises(SetupError, match="a file is there, name another path"):
@@ -232,6 +213,12 @@ def test_a_path_that_is_in_use_or_not_to_be_written_is_refused(tmp_path: Path):
         make_line(tmp_path / "none" / "bus")
     with pytest.raises(SetupError, match="File name too long, name a path"):
         make_line(tmp_path / ("x" * LONGEST_PATH))
+    line = make_line(tmp_path / "bus")
+    (tmp_path / "bus").rename(kept)
+    line.close()
+    assert kept.is_socket(), "a dead bus left it behind"
+    make_line(kept).close()
+    assert not kept.exists()
 
 
 def test_the_path_of_a_bus_may_be_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -134,21 +134,18 @@ def test_junk_on_the_line_is_no_sample_and_no_error(kind: str, junk: list[bytes]
     assert bench.first().accelerometer[2] == pytest.approx(GRAVITY, abs=0.02)
 
 
-@pytest.mark.parametrize("connection", ["uart", "i2c"])
-def test_another_chip_is_named_by_its_id(connection, monkeypatch: pytest.MonkeyPatch):
+def test_another_chip_is_named_by_its_id_and_one_that_does_not_answer_too(
+    monkeypatch: pytest.MonkeyPatch,
+):
     monkeypatch.setattr("drivers.imu.bno055.FIRST_SAMPLE", 0.02)
+    for kind in ("bno055", "bno08x"):
+        settings = ImuSettings(kind=kind, connection="i2c")
+        sensor = build_virtual_imu(settings)
+        sensor.alive = False
+        with pytest.raises(ImuError, match=r"on virtual I2C: .*; (check|expected)"):
+            build_i2c_source(settings, sensor).open()
     monkeypatch.setattr("drivers.virtual_bus.imu.bno055.IDS", bytes([0x68, 1, 2, 3]))
-    with pytest.raises(
-        ImuError, match=r"IMU BNO055 on .* has the chip ids 68 01 02 03; expected a"
-    ):
-        ImuBench(ImuSettings(kind="bno055", connection=connection))
-
-
-@pytest.mark.parametrize("kind", ["bno055", "bno08x"])
-def test_a_chip_that_does_not_answer_is_named(kind, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("drivers.imu.bno055.FIRST_SAMPLE", 0.02)
-    settings = ImuSettings(kind=kind, connection="i2c")
-    sensor = build_virtual_imu(settings)
-    sensor.alive = False
-    with pytest.raises(ImuError, match=r"on virtual I2C: .*; (check|expected)"):
-        build_i2c_source(settings, sensor).open()
+    for connection in ("uart", "i2c"):
+        expected = r"IMU BNO055 on .* has the chip ids 68 01 02 03; expected a"
+        with pytest.raises(ImuError, match=expected):
+            ImuBench(ImuSettings(kind="bno055", connection=connection))

@@ -68,7 +68,7 @@ def with_imu(robot: Robot, kind: str) -> Robot:
 
 
 def make_driver(robot: Robot, ports: VirtualPorts) -> DynamixelBackend:
-    options = DriverOptions(answer_margin=LONGEST_WAIT)
+    options = DriverOptions(make_port=ports.make_port)
     return DynamixelBackend(robot, ports.paths, clock=CycleClock(), imu=ports.imu, options=options)
 
 
@@ -83,7 +83,14 @@ def run(driver: DynamixelBackend | SafetyGuard, cycles: int) -> State:
     for _ in range(cycles):
         state = driver.read()
         driver.write(Command.limp(driver.robot.n))
+        settle(driver.backend if isinstance(driver, SafetyGuard) else driver)
     return state
+
+
+def settle(driver: DynamixelBackend) -> None:
+    """Wait until the bus has passed the period: an IMU of its own line is asked at once then."""
+    for chain in driver.chains:
+        wait_until(chain.bus.port._is_handled)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import pytest
 from nonempty import nonempty
-from wire_talk import find_device, read, read_answers, request, sense, talk
+from wire_talk import find_device, read, read_answers, request, sense, talk, write
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import (
@@ -17,6 +17,7 @@ from drivers.dynamixel.protocol2 import (
     Status,
     decode_fast_status,
 )
+from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.device import Quirks, ReadGap
 from drivers.virtual_bus.devices.servo import VirtualServo
@@ -163,13 +164,6 @@ def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
     assert look(told(reset), "return_delay_time") == [250, 250]
 
 
-def test_a_read_of_everyone_and_unknown_instructions_are_not_done():
-    chain = servos(1, 2)
-    assert chain.handle(request(protocol2.read(BROADCAST, POSITION).encode())) == []
-    for instruction in (0x00, 0x33, 0xFF, Instruction.STATUS):
-        assert chain.handle(Packet(BROADCAST, instruction, b"\1\2\3\4\5\6")) == []
-
-
 def test_a_failed_part_of_a_fast_read_keeps_the_frame_whole():
     chain = servos(1, 2)
     spans = {1: Span(661, 4), 2: POSITION}
@@ -190,7 +184,7 @@ def test_fast_reads_are_never_stuffed():
     assert b"\xff\xff\xfd\xfd" in slow[8:]
 
 
-DEAD = pytest.mark.parametrize(
+@pytest.mark.parametrize(
     "die",
     [
         lambda chain: setattr(find_device(chain, 2), "alive", False),
@@ -201,36 +195,42 @@ DEAD = pytest.mark.parametrize(
     ],
     ids=["cable", "power", "reboot", "return level", "id"],
 )
-
-
-@DEAD
-def test_a_silent_member_costs_a_sync_read_its_slot_or_all_that_follows(die):
-    frames = (
+def test_a_silent_member_costs_a_read_its_slot_or_all_that_follows(die):
+    chain = servos(1, 2, 3, baud=1_000_000)
+    fast = protocol2.sync_read([1, 2, 3], POSITION, fast=True).encode()
+    whole = talk(chain, fast)
+    die(chain)
+    for frame in (
         protocol2.sync_read([1, 2, 3], POSITION).encode(),
         protocol2.bulk_read(dict.fromkeys([1, 2, 3], POSITION)).encode(),
-    )
-    for frame in nonempty(frames):
-        chain = servos(1, 2, 3, baud=1_000_000)
-        die(chain)
+    ):
+        chain.quirks = Quirks()
         one, three = chain.handle(request(frame))
         assert (one.device, three.device) == (1, 3)
         assert three.delay == pytest.approx(15 * 10e-6)  # the 15 bytes that did not come
         chain.quirks = Quirks(sync_gap=ReadGap.CHAIN_BREAKS)
         assert [answer.device for answer in chain.handle(request(frame))] == [1]
-
-
-@DEAD
-def test_a_silent_member_breaks_a_fast_frame(die):
-    frame = protocol2.sync_read([1, 2, 3], POSITION, fast=True).encode()
-    chain = servos(1, 2, 3)
-    whole = talk(chain, frame)
-    die(chain)
-    assert talk(chain, frame) == whole[:16]
+    assert talk(chain, fast) == whole[:16]
     chain.quirks = Quirks(fast_gap=ReadGap.SLOT_STAYS_EMPTY)
-    cut = talk(chain, frame)
+    cut = talk(chain, fast)
     assert len(cut) == len(whole) - 8
     # Its length does not hold, but each piece tells whose it is.
     assert [status.id for status in decode_fast_status(cut, [4, 4, 4])] == [1, 3]
+
+
+def test_what_no_device_understands_is_passed_over_in_silence():
+    slow, quick = VirtualServo(1, baud=57_600), VirtualServo(2, baud=2_000_000)
+    chain = Chain([slow, quick])
+    assert chain.handle(request(protocol2.read(BROADCAST, POSITION).encode())) == []
+    for instruction in (0x00, 0x33, 0xFF, Instruction.STATUS):
+        assert chain.handle(Packet(BROADCAST, instruction, b"\1\2\3\4\5\6")) == []
+    for device in (2, BROADCAST):
+        assert chain.handle(Damaged(device, Instruction.WRITE, b"")) == []
+    ping = request(protocol2.ping().encode())
+    for rate, ids in ((57_600, [1]), (2_000_000, [2]), (1_000_000, []), (None, [1, 2])):
+        assert [a.device for a in chain.handle(ping, baud=rate)] == ids
+    chain.handle(request(protocol2.write(1, 8, b"\4").encode()), baud=57_600)
+    assert len(chain.handle(ping, baud=2_000_000)) == 2
 
 
 def test_a_model_without_fast_reads_breaks_them():
@@ -240,13 +240,6 @@ def test_a_model_without_fast_reads_breaks_them():
         assert [answer.device for answer in chain.handle(request(frame))] == [1]
         frame = protocol2.sync_read(order, POSITION).encode()
         assert [answer.device for answer in chain.handle(request(frame))] == order
-
-
-def test_a_broken_instruction_is_passed_over_in_silence():
-    broken = Damaged(2, Instruction.WRITE, b"")
-    chain = servos(1, 2)
-    assert chain.handle(broken) == []
-    assert chain.handle(Damaged(BROADCAST, Instruction.WRITE, b"")) == []
 
 
 def test_two_servos_of_one_id_garble_each_other():
@@ -266,20 +259,6 @@ def test_two_servos_of_one_id_garble_each_other():
     assert [device.peek("led") for device in chain.devices] == [0, 1, 1]
 
 
-def test_servos_at_another_speed_do_not_hear():
-    slow, quick = VirtualServo(1, baud=57_600), VirtualServo(2, baud=2_000_000)
-    chain = Chain([slow, quick])
-    ping = request(protocol2.ping().encode())
-    heard = {
-        rate: [a.device for a in chain.handle(ping, baud=rate)] for rate in (57_600, 2_000_000)
-    }
-    assert heard == {57_600: [1], 2_000_000: [2]}
-    assert chain.handle(ping, baud=1_000_000) == []
-    assert len(chain.handle(ping)) == 2
-    chain.handle(request(protocol2.write(1, 8, b"\4").encode()), baud=57_600)
-    assert len(chain.handle(ping, baud=2_000_000)) == 2
-
-
 def test_any_instruction_on_the_bus_feeds_a_watchdog():
     chain = servos(1, 2)
     for device in chain.devices:
@@ -289,3 +268,49 @@ def test_any_instruction_on_the_bus_feeds_a_watchdog():
         chain.advance(0.05 * i)
         chain.handle(request(protocol2.sync_read([1], POSITION).encode()))
     assert [device.peek("bus_watchdog") for device in chain.devices] == [5, 5]
+
+
+# The board: IMU, voltage and the servos' power switch ------------------------------------------
+
+
+def test_its_switch_powers_the_servos():
+    servo = VirtualServo(1, quirks=Quirks(reboot_time=0.1))
+    servo.powered = False
+    board = VirtualBoard(on_power=lambda on: setattr(servo, "powered", on))
+    chain = Chain([servo, board])
+    ping = request(protocol2.ping(1).encode())
+    assert chain.handle(ping) == []
+    assert write(board, "dynamixel_power", 1) == 0
+    assert chain.handle(ping) == []  # still starting
+    chain.advance(0.2)
+    assert len(chain.handle(ping)) == 1
+    assert write(board, "dynamixel_power", 2) == ErrorNumber.DATA_RANGE
+    assert write(board, "dynamixel_power", 0) == 0
+    assert chain.handle(ping) == []
+
+
+def test_imu_and_voltage_are_read_in_one_go():
+    board = VirtualBoard()
+    board.sense_imu([1, -2, 3], [-4, 5, 99_999])
+    board.sense_voltage(11.84)
+    span = board.table.span("present_input_voltage", "acc_z")
+    answers = Chain([board]).handle(request(protocol2.read(200, span).encode()))
+    (status,) = read_answers(answers)
+    assert status.data == bytes((118,)) + b"".join(
+        value.to_bytes(2, "little", signed=True) for value in (1, -2, 3, -4, 5, 32767)
+    )
+    assert write(board, "gyro_x", 0) == ErrorNumber.ACCESS
+    for instruction in (Instruction.REBOOT, Instruction.CLEAR, Instruction.BACKUP):
+        status = board.handle(instruction)
+        assert status is not None and status.number == ErrorNumber.INSTRUCTION
+
+
+def test_without_power_the_board_is_gone_and_so_is_the_servos_power():
+    switched = []
+    board = VirtualBoard(on_power=switched.append)
+    write(board, "dynamixel_power", 1)
+    board.powered = False
+    assert not board.listens and switched == [True, False]
+    board.powered = True
+    board.advance(1.0)
+    assert board.listens and read(board, "dynamixel_power") == 0

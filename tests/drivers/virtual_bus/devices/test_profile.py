@@ -25,18 +25,14 @@ def sample(path: ProfileTrajectory, count: int = 200) -> list[tuple[float, float
 
 
 @given(position=ticks, velocity=speeds, goal=ticks, top=st.floats(10, 3000), a=st.floats(50, 2e4))
-def test_a_trajectory_by_velocity_ends_at_rest_at_its_goal(position, velocity, goal, top, a):
+def test_a_path_ends_at_rest_at_its_goal_and_is_never_faster_or_rougher_than_allowed(
+    position, velocity, goal, top, a
+):
     path = plan_by_velocity(START, position, velocity, goal, top, a)
-    assert path.at(path.end) == (goal, 0.0)
-    assert path.at(path.end + 100.0) == (goal, 0.0)
+    assert path.at(path.end) == path.at(path.end + 100.0) == (goal, 0.0)
     where, speed = path.at(path.end - 1e-6)
     assert where == pytest.approx(goal, abs=0.05)
     assert abs(speed) <= a * 1e-5 + 1e-6
-
-
-@given(position=ticks, velocity=speeds, goal=ticks, top=st.floats(10, 3000), a=st.floats(50, 2e4))
-def test_it_never_goes_faster_or_changes_faster_than_allowed(position, velocity, goal, top, a):
-    path = plan_by_velocity(START, position, velocity, goal, top, a)
     assume(path.end > START)
     points = sample(path)
     step = points[1][0] - points[0][0]
@@ -61,13 +57,8 @@ def test_the_ramp_lasts_64_ms_times_velocity_over_acceleration(goal: float, top:
         assert path.end == pytest.approx(2.0 * (goal / acceleration) ** 0.5)
 
 
-def test_without_velocity_there_is_no_profile():
+def test_without_velocity_it_is_a_step_and_without_acceleration_a_rectangle():
     path = plan_by_velocity(1.0, 0.0, 0.0, 9.0, 0.0, 5.0)
-    assert path.shape is ProfileShape.STEP
-    assert path.at(1.0) == (9.0, 0.0)
-
-
-def test_without_acceleration_the_profile_is_a_rectangle():
+    assert (path.shape, path.at(1.0)) == (ProfileShape.STEP, (9.0, 0.0))
     path = plan_by_velocity(0.0, 100.0, 0.0, -100.0, 50.0, 0.0)
-    assert (path.shape, path.end) == (ProfileShape.RECTANGLE, 4.0)
-    assert path.at(1.0) == (50.0, -50.0)
+    assert (path.shape, path.end, path.at(1.0)) == (ProfileShape.RECTANGLE, 4.0, (50.0, -50.0))

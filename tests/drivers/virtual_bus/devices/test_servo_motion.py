@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from nonempty import nonempty
 from wire_talk import read, sense, write
 
-from drivers.dynamixel.control_table import DriveMode, OperatingMode
+from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
+from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import CLEAR_TURNS, VirtualServo
 
 TURN = 4096
@@ -66,15 +67,7 @@ def test_the_motor_is_sent_to_where_the_register_says(raw, homing, reverse, mode
 
 def test_sensors_show_si_values_in_counts_of_their_model():
     servo = VirtualServo(1)
-    sense(
-        servo,
-        ticks=99.6,
-        velocity=1.0,
-        current=-1.0,
-        pwm_share=-1.0,
-        voltage=11.14,
-        temperature=41.6,
-    )
+    servo.sense(Measured(99.6, 1.0, -1.0, -1.0, 11.14, 41.6))
     shown = {
         "present_position": 100,
         "present_velocity": round(1.0 / SPEED),
@@ -98,11 +91,15 @@ def test_clear_drops_turns_at_standstill_and_nothing_moves():
     assert status is not None and status.error == 0
     assert read(servo, "present_position") == read(servo, "goal_position") == 5
     assert servo.motor_command().target_ticks == before
-    status = servo.handle(Instruction.CLEAR, CLEAR_TURNS[:-1])
-    assert status is not None and status.number == ErrorNumber.DATA_RANGE
-    old = VirtualServo(1, firmware=41)
-    status = old.handle(Instruction.CLEAR, CLEAR_TURNS)
-    assert status is not None and status.number == ErrorNumber.INSTRUCTION
+    moving, old = VirtualServo(1), VirtualServo(1, firmware=41)
+    sense(moving, velocity=1.0)
+    for each, params, error in (
+        (servo, CLEAR_TURNS[:-1], ErrorNumber.DATA_RANGE),
+        (moving, CLEAR_TURNS, ErrorNumber.RESULT_FAIL),
+        (old, CLEAR_TURNS, ErrorNumber.INSTRUCTION),
+    ):
+        status = each.handle(Instruction.CLEAR, params)
+        assert status is not None and status.number == error
 
 
 def test_torque_on_holds_the_present_position_whatever_the_old_goal():
@@ -113,6 +110,12 @@ def test_torque_on_holds_the_present_position_whatever_the_old_goal():
     write(servo, "torque_enable", 1)
     assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 1000.0
     assert read(servo, "goal_position") == 1000
+    servo = VirtualServo(1)
+    write(servo, "drive_mode", 8)  # torque by goal update
+    assert not servo.motor_command().torque_on
+    write(servo, "goal_position", 2100)
+    assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 2100.0
+    assert read(servo, "torque_enable") == 1
 
 
 def test_a_goal_by_action_or_indirect_data_moves_the_motor_too():
@@ -167,19 +170,3 @@ def test_no_profile_is_too_wild_for_the_registers(goals, drive_mode):
         assert write(servo, "goal_position", goal) == 0
         servo.advance(0.37 * (i + 1))
         assert math.isfinite(servo.motor_command().target_ticks)
-
-
-def test_modes_and_profiles_that_are_not_modelled_are_refused():
-    servo = VirtualServo(1)
-    for mode in (OperatingMode.CURRENT, OperatingMode.VELOCITY, OperatingMode.PWM):
-        assert write(servo, "operating_mode", mode) == ErrorNumber.DATA_RANGE
-    assert write(servo, "drive_mode", DriveMode.TIME_BASED) == ErrorNumber.DATA_RANGE
-
-
-def test_torque_by_goal_update_switches_torque_on_and_goes():
-    servo = VirtualServo(1)
-    write(servo, "drive_mode", 8)
-    assert not servo.motor_command().torque_on
-    write(servo, "goal_position", 2100)
-    assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 2100.0
-    assert read(servo, "torque_enable") == 1

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import pytest
 from fake_devices import FakeDevices
 from fake_wire import FakeWire, exchange_with
 
@@ -22,22 +21,10 @@ def received(frame: bytes, *, baud: int = BAUD) -> ReceivedInstruction:
     return ReceivedInstruction(item, len(frame), 0.0, baud)
 
 
-def schedule(file: Path, text: str) -> FaultSchedule:
-    file.write_text(text)
-    return FaultSchedule.from_file(file, IDS)
-
-
-SILENT_FROM_10_TO_50_MS = """
-[[fault]]
-at = 0.01
-kind = "silence"
-for = 0.04
-"""
-
-
 def test_scheduled_faults_find_physics_at_their_times(tmp_path: Path):
-    devices = FakeDevices(IDS)
-    faults = schedule(tmp_path / "faults.toml", SILENT_FROM_10_TO_50_MS)
+    devices, file = FakeDevices(IDS), tmp_path / "faults.toml"
+    file.write_text('[[fault]]\nat = 0.01\nkind = "silence"\nfor = 0.04\n')
+    faults = FaultSchedule.from_file(file, IDS)
     exchange, injector = exchange_with(devices, schedule=faults)
     changes: list[tuple[float, bool]] = []
     devices.advance = lambda now: changes.append((now, injector.silent))
@@ -45,6 +32,12 @@ def test_scheduled_faults_find_physics_at_their_times(tmp_path: Path):
         exchange.pass_until(time)
     assert changes == [(0.005, False), (0.01, False), (0.03, True), (0.05, True), (0.06, False)]
     assert exchange.time == 0.06
+    exchange, injector = exchange_with(FakeDevices(IDS), schedule=FaultSchedule.from_file(file))
+    silent = []
+    for _ in range(8):  # periods of lock-step, of 8 ms: a fault comes at the end of its own
+        exchange.pass_period()
+        silent.append(injector.silent)
+    assert silent == [False, True, True, True, True, True, False, False]
 
 
 def test_an_echo_comes_first_and_replies_are_counted():
@@ -58,10 +51,11 @@ def test_an_echo_comes_first_and_replies_are_counted():
 
 def test_what_no_device_hears_is_unanswered():
     devices = FakeDevices(IDS)
-    exchange, _ = exchange_with(devices)
-    assert exchange.run(received(READ, baud=57_600)) == []
-    assert devices.heard == []
+    exchange, faults = exchange_with(devices)
+    assert exchange.run(received(READ, baud=57_600)) == devices.heard == []
     assert (exchange.statistics.unanswered, exchange.statistics.wrong_baud) == (1, 1)
+    faults.silence()
+    assert exchange.run(received(READ)) == devices.heard == []
 
 
 def deliver(exchange: Exchange, wire: FakeWire, baud: int) -> tuple[int, int, int]:
@@ -81,37 +75,16 @@ def test_every_byte_for_the_client_is_delivered_lost_or_missed():
     assert deliver(exchange, wire, 57_600) == (19, 26, 15)
 
 
-@pytest.mark.parametrize(
-    ("item", "expected"),
-    [
-        (Packet(1, Instruction.PING), True),
-        (Packet(BROADCAST, Instruction.PING), True),
-        (Packet(BROADCAST, Instruction.SYNC_READ), True),
-        (Packet(BROADCAST, Instruction.FAST_BULK_READ), True),
-        (Packet(BROADCAST, Instruction.SYNC_WRITE), False),
-        (Packet(BROADCAST, Instruction.WRITE), False),
-        (Packet(1, Instruction.WRITE), True),
-        (Packet(1, Instruction.ACTION), False),
-        (Damaged(BROADCAST, Instruction.SYNC_WRITE, b""), True),
-    ],
-)
-def test_a_client_waits_for_whatever_a_device_confirms(item: Packet | Damaged, expected: bool):
-    assert expects_reply(item) == expected
-
-
-def test_a_fault_within_a_period_of_lock_step_comes_at_its_end(tmp_path: Path):
-    faults = schedule(tmp_path / "faults.toml", SILENT_FROM_10_TO_50_MS)
-    exchange, injector = exchange_with(FakeDevices(IDS), schedule=faults)
-    silent = []
-    for _ in range(8):  # of 8 ms
-        exchange.pass_period()
-        silent.append(injector.silent)
-    assert silent == [False, True, True, True, True, True, False, False]
-
-
-def test_a_silent_bus_hears_nothing():
-    devices = FakeDevices(IDS)
-    exchange, faults = exchange_with(devices)
-    faults.silence()
-    assert exchange.run(received(READ)) == []
-    assert devices.heard == []
+def test_a_client_waits_for_whatever_a_device_confirms():
+    for device, instruction, expected in (
+        (1, Instruction.PING, True),
+        (BROADCAST, Instruction.PING, True),
+        (BROADCAST, Instruction.SYNC_READ, True),
+        (BROADCAST, Instruction.FAST_BULK_READ, True),
+        (BROADCAST, Instruction.SYNC_WRITE, False),
+        (BROADCAST, Instruction.WRITE, False),
+        (1, Instruction.WRITE, True),
+        (1, Instruction.ACTION, False),
+    ):
+        assert expects_reply(Packet(device, instruction)) == expected, instruction
+    assert expects_reply(Damaged(BROADCAST, Instruction.SYNC_WRITE, b""))

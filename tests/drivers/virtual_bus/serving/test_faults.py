@@ -76,23 +76,21 @@ def port(bus: VirtualBus):
         yield port
 
 
-def ask(port: serial.Serial, request: bytes, count: int) -> bytes:
-    """Send a request; return so many bytes of the replies."""
-    port.write(request)
-    return port.read(count)
-
-
 @pytest.mark.parametrize("fault", REPLY_FAULTS)
-def test_an_order_takes_so_many_answers_of_its_device_only(fault: LineFault):
-    line = line_faults()
+def test_an_order_takes_so_many_answers_of_its_device_and_a_rate_its_share(fault: LineFault):
+    line, other = line_faults(), Reply(7, 0.0, Status(7).encode())
     line.strike_next(fault, 2, count=3)
-    other = Reply(7, 0.0, Status(7).encode())
     for _ in range(5):
         assert bytes_of(line.disturb_reply(other)) == other.data
     hit = [line.disturb_reply(REPLY) for _ in range(3)]
     plain = line.disturb_reply(REPLY)
     assert bytes_of(plain) == REPLY.data
     assert all(transmissions != plain for transmissions in hit)
+    line.set_rate(fault, 0.02 if fault is LineFault.FLIP else 0.3)
+    assert 240 < sum(line.disturb_reply(REPLY) != plain for _ in range(1000)) < 400
+    # flips: 1 - 0.98**21 = 0.346; else 0.3
+    with pytest.raises(ValueError, match=rf"rate of {fault.value} is 1\.5, expected 0 to 1"):
+        line.set_rate(fault, 1.5)
 
 
 def test_each_mishap_is_what_its_name_says():
@@ -130,15 +128,6 @@ def test_a_wrong_id_is_never_the_right_one_and_its_crc_fits(device: int, data: b
     assert Status.from_packet(packet).data == data
 
 
-@pytest.mark.parametrize("fault", REPLY_FAULTS)
-def test_answers_are_hit_at_their_rate(fault: LineFault):
-    line = line_faults()
-    line.set_rate(fault, 0.02 if fault is LineFault.FLIP else 0.3)
-    plain = line_faults().disturb_reply(REPLY)
-    hit = sum(line.disturb_reply(REPLY) != plain for _ in range(1000))
-    assert 240 < hit < 400  # flips: 1 - 0.98**21 = 0.346; else 0.3
-
-
 def test_device_faults_reach_devices_and_body(bus: VirtualBus, devices: FakeDevices):
     bus.faults.reboot(1)
     bus.faults.trip(2, 32)
@@ -158,7 +147,8 @@ def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
         bus.faults.heat(3, 80.0)
     with pytest.raises(DriverError, match="expected a bus with an IMU"):
         bus.faults.freeze_imu()
-    assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
+    port.write(protocol2.ping(1).encode())
+    assert len(port.read(14)) == 14
 
 
 def write(tmp_path, text: str):
@@ -241,21 +231,10 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
     ):
         assert part in message
     assert len(str(caught.value).split("; ")) == 14
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+    for text, message in (
         ("fault = 3", r"fault is 3, expected \[\[fault\]\] tables"),
         ("fault = [1]", "fault 1: is 1, expected a table"),
         ("[[fault]", "not TOML"),
-    ],
-)
-def test_a_file_that_is_no_schedule_says_so(tmp_path, text: str, message: str):
-    with pytest.raises(SetupError, match=message):
-        FaultSchedule.from_file(write(tmp_path, text))
-
-
-def test_a_rate_is_a_share():
-    with pytest.raises(ValueError, match=r"rate of lose is 1\.5, expected 0 to 1"):
-        line_faults().set_rate(LineFault.LOSE, 1.5)
+    ):
+        with pytest.raises(SetupError, match=message):
+            FaultSchedule.from_file(write(tmp_path, text))

@@ -10,7 +10,6 @@ from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet, Span
 from drivers.virtual_bus.serving.exchange import (
     LONGEST_GAP,
     InstructionReader,
-    ReceivedInstruction,
     WireStatistics,
 )
 
@@ -32,10 +31,6 @@ def make_reader(*, timed: bool = False) -> tuple[InstructionReader, WireStatisti
     return InstructionReader(statistics, timed=timed), statistics
 
 
-def items(received: list[ReceivedInstruction]) -> list[Packet | Damaged]:
-    return [one.item for one in received]
-
-
 @given(sent=st.lists(packets, min_size=1, max_size=5), cuts=st.lists(st.integers(0, 150)))
 def test_instructions_are_found_however_the_bytes_are_cut(sent: list[Packet], cuts: list[int]):
     reader, statistics = make_reader()
@@ -44,17 +39,9 @@ def test_instructions_are_found_however_the_bytes_are_cut(sent: list[Packet], cu
     found = []
     for begin, end in pairwise(ends):
         found += reader.receive(stream[begin:end], 0.0, BAUD)
-    assert items(found) == sent
+    assert [one.item for one in found] == sent
     assert sum(one.size for one in found) == len(stream)
     assert statistics == WireStatistics(bytes_in=len(stream), packets=len(sent))
-
-
-def test_a_damaged_instruction_is_passed_on_as_one():
-    reader, statistics = make_reader()
-    spoiled = READ[:-1] + bytes([READ[-1] ^ 1])
-    (one,) = reader.receive(spoiled, 0.0, BAUD)
-    assert isinstance(one.item, Damaged)
-    assert (statistics.damaged, statistics.packets) == (1, 0)
 
 
 def test_a_pause_within_an_instruction_breaks_it_off():
@@ -71,3 +58,5 @@ def test_where_time_does_not_count_the_next_instruction_breaks_off_a_half_one():
     reader.receive(READ[:6], 0.0, BAUD)
     assert len(reader.receive(READ, 0.0, BAUD)) == 1
     assert (statistics.broken_off, statistics.noise) == (1, 6)
+    (one,) = reader.receive(READ[:-1] + bytes([READ[-1] ^ 1]), 0.0, BAUD)
+    assert isinstance(one.item, Damaged) and statistics.damaged == 1

@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.control_table import known_models, table_named
 from drivers.dynamixel.protocol2 import (
     FrameParser,
     Packet,
     Span,
     Status,
 )
-from drivers.dynamixel.requests import Replies, Request, SyncWriter
+from drivers.dynamixel.requests import GroupLayout, Replies, Request, SyncWriter
 
 SPAN = Span(126, 10)
 
@@ -175,3 +176,20 @@ def test_all_ids_are_pinged_at_once():
     found = bus_with([b"".join(pongs)]).ping_all()
     assert sorted(found) == [1, 4, 200]
     assert found[4].data == b"\xfc\x03\x2e"
+
+
+LAYOUTS = {
+    name: GroupLayout.of(table_named(name)) for name in known_models() if table_named(name).is_servo
+}
+
+
+@given(model=st.sampled_from(list(LAYOUTS)), data=st.data())
+def test_an_array_of_replies_decodes_as_each_register_alone(model: str, data: st.DataObject):
+    layout = LAYOUTS[model]
+    length = layout.span.length
+    rows = data.draw(st.lists(st.binary(min_size=length, max_size=length), min_size=1, max_size=4))
+    replies = Replies.of([Status(i, 0, row) for i, row in enumerate(rows)], length)
+    for item in (layout.load, layout.velocity, layout.position):
+        at = item.address - layout.span.address
+        expected = [item.decode(row[at : at + item.size]) for row in rows]
+        assert layout.decode(item, replies).tolist() == expected

@@ -4,18 +4,29 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from memory_rig import Rig
 
 from drivers import Command
+from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.command_writer import (
     CommandConverter,
     CommandWriter,
     LastWritten,
     RegisterCommands,
 )
+from drivers.dynamixel.control_table import OperatingMode, table_named
+from drivers.dynamixel.goal_ranges import full_scale, goal_range, round_gain, to_slope
 from drivers.dynamixel.protocol2 import Instruction, Status
 from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.wire import PROTOCOL_2
+from drivers.errors import SetupError
+from drivers.virtual_bus.devices.sensors import Measured
+from robots import Robot
+from robots.description.servo_catalog import servo_models
+from robots.servo import TICKS_PER_TURN, LimitMode
 
 # Registers of an XM430 (e-manual).
 TORQUE, RETURN_LEVEL, P_GAIN, WATCHDOG, PWM, CURRENT, GOAL = 64, 68, 84, 98, 100, 102, 116
@@ -223,3 +234,75 @@ def test_a_gain_scale_is_a_share_of_the_joints_own_gain(tiny):
     registers = converter.to_registers(command)
     assert registers.p_gain.tolist() == [400, 1050]
     assert converter.to_command(registers, command).gain_scale == pytest.approx([0.5, 0.5])
+
+
+# Ranges of goals, and the modes of a torque limit ------------------------------------------------
+
+
+SLOPES = (2, 4, 8, 16, 32, 64, 128)  # those that an AX distinguishes (e-manual)
+
+
+@given(gain=st.integers(0, 64))
+def test_a_gain_becomes_the_next_softer_slope(gain: int):
+    rounded, slope = int(round_gain(np.array(gain))), int(to_slope(np.array(gain)))
+    assert slope in SLOPES
+    assert slope * rounded == 128
+    assert rounded <= max(gain, 1) < 2 * rounded
+
+
+def test_the_gain_as_shipped_is_the_slope_as_shipped():
+    assert to_slope(np.array([4, 2, 1, 0])).tolist() == [32, 64, 128, 128]
+    assert table_named("AX-12A")["cw_compliance_slope"].default == 32
+
+
+@pytest.mark.parametrize(
+    ("model", "ends", "full"),
+    [
+        ("XM430-W350", (-1_048_575, 1_048_575), 885),  # in extended position mode
+        ("AX-12A", (0, 1023), 1023),
+        ("XL-320", (0, 1023), 1023),
+        ("STS3215", (0, 4095), 1000),
+    ],
+)
+def test_positions_and_supply_have_the_counts_of_the_manual(model: str, ends, full: int):
+    table = table_named(model)
+    assert goal_range(table) == ends
+    assert full_scale(table) == full
+
+
+@pytest.mark.parametrize(
+    ("by", "mode", "d_gain"),
+    [
+        ("current", OperatingMode.CURRENT_BASED_POSITION, 4506),
+        ("pwm", OperatingMode.EXTENDED_POSITION, 0),
+    ],
+)
+def test_the_driver_sets_the_mode_and_its_damping(tiny: Robot, by, mode, d_gain):
+    with Rig(tiny, limit_by=by) as rig:
+        assert rig.backend.limit_by == by
+        assert rig.peek("operating_mode") == [mode] * 2
+        assert rig.peek("position_d_gain") == [d_gain] * 2
+
+
+@pytest.mark.parametrize("by", ["current", "pwm"])
+def test_torque_begins_where_a_joint_is_that_was_turned_around(tiny: Robot, by: LimitMode):
+    """The servo counts the turn, and a goal without it would be a turn away."""
+    with Rig(tiny, limit_by=by) as rig:
+        rig.backend.close()
+        before = rig.peek("present_position")[0]
+        rig.servo("l_hip").sense(Measured(ticks=before + TICKS_PER_TURN))
+        rig.backend.connect()
+        angles = rig.backend.read().joint_pos
+        assert angles[0] == pytest.approx(tiny.joints[0].servo.to_rad(before), abs=0.002)
+        rig.backend.write(Command.position(tiny, angles))
+        assert rig.peek("goal_position")[0] == pytest.approx(before + TICKS_PER_TURN, abs=1)
+        assert rig.peek("torque_enable") == [1, 1]
+
+
+def test_servos_without_current_sensor_have_no_current_mode(tiny: Robot):
+    model = servo_models()["XL430-W250"]
+    joints = tuple(replace(j, servo=replace(j.servo, model=model)) for j in tiny.joints)
+    robot, ports = replace(tiny, joints=joints, limit_by="pwm"), {"main": "main"}
+    assert DynamixelBackend(robot, ports).limit_by == "pwm"
+    with pytest.raises(SetupError, match=r"'current', expected 'pwm': the XL430-W250 of joint"):
+        DynamixelBackend(robot, ports, limit_by="current")

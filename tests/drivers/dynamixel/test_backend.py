@@ -289,7 +289,7 @@ def test_closing_releases_everybody_and_twice_is_harmless(rig, monkeypatch):
 def test_closing_with_half_the_bus_dead_releases_the_rest_and_names_the_dead_until_they_confirm(
     op3, monkeypatch
 ):
-    monkeypatch.setattr(driver_module.time, "sleep", lambda _: None)
+    monkeypatch.setattr(driver_module, "RELEASE_TIME", 0.0)
     with Rig(op3) as rig:
         rig.turn(cycles=3)
         for servo in rig.virtual.servos[::2]:
@@ -343,6 +343,7 @@ def test_a_lost_port_keeps_no_other_under_torque(tiny):
         first.write = lambda data: order.append("right") or write(data)
         rig.ports["left"].unplugged = True
         with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(driver_module, "RELEASE_TIME", 0.05)
             patch.setattr(driver_module.time, "sleep", lambda _: order.append("wait"))
             with pytest.raises(UnreleasedError, match="l_hip"):
                 rig.backend.close()

@@ -11,12 +11,7 @@ from hypothesis import strategies as st
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import known_models, table_named
-from drivers.dynamixel.protocol2 import (
-    FrameParser,
-    Packet,
-    Span,
-    Status,
-)
+from drivers.dynamixel.protocol2 import FrameParser, Packet, Span, Status
 from drivers.dynamixel.requests import GroupLayout, Replies, Request, SyncWriter
 
 SPAN = Span(126, 10)
@@ -67,6 +62,10 @@ def test_a_silent_device_is_no_error_and_is_asked_as_often_as_wanted():
     assert bus.ping(3, tries=3) is None
     assert len(bus.port.sent) == 3
     assert bus.statistics.lost == 3 and bus.statistics.retries == 2
+    pongs = [Status(i, 0, b"\xfc\x03\x2e").encode() for i in (1, 4, 200)]
+    found = bus_with([b"".join(pongs)]).ping_all()
+    assert sorted(found) == [1, 4, 200]
+    assert found[4].data == b"\xfc\x03\x2e"
 
 
 def test_answers_of_others_and_of_other_lengths_are_not_taken():
@@ -86,19 +85,14 @@ def test_echo_noise_and_damage_around_an_answer_do_not_matter():
 
 
 def test_a_deadline_is_the_time_on_the_wire_and_the_margin(monkeypatch):
+    """The window of a broadcast ping is that of 253 slots; a request after it is due as any."""
     monkeypatch.setattr(time, "monotonic", lambda: 1000.0)
     bus = bus_with()
-    bus.return_delay = 0.001
-    bus.answer_margin = 0.5
+    bus.return_delay, bus.answer_margin = 0.001, 0.5
     bus.send(bytes(1000))  # 10 ms at 1 Mbit/s, before the request can begin
     bus.read(3, SPAN)
     # 14 bytes of request, 21 of answer.
     assert bus.port.waits[0] == pytest.approx(0.010 + 35e-5 + 0.001 + 0.5)
-
-
-def test_a_request_right_after_a_broadcast_ping_waits_for_its_own_reply_only(monkeypatch):
-    """The ping's window is that of 253 slots; a request after it is due as any other."""
-    monkeypatch.setattr(time, "monotonic", lambda: 1000.0)
     bus = bus_with()
     bus.answer_margin = 0.004
     assert bus.ping_all() == {}
@@ -140,9 +134,11 @@ def test_of_a_damaged_fast_frame_the_answers_before_the_damage_are_kept():
 @given(
     fill=st.lists(st.integers(0, 255), min_size=6, max_size=6),
     flips=st.lists(st.tuples(st.integers(0, 91), st.integers(0, 7)), max_size=8),
-    before=st.binary(max_size=10),
+    before=st.binary(max_size=10) | st.binary(max_size=400),
 )
-def test_no_flipped_bits_make_a_wrong_value(fill, flips, before):
+def test_no_flipped_bits_and_no_junk_make_a_wrong_value(fill, flips, before):
+    for fast in (True, False):
+        assert not len(ask_group(bus_with([before]), (1, 2, 3), fast=fast).devices)
     ids = range(1, 7)
     frame = bytearray(encode_fast_status([row(i, f) for i, f in zip(ids, fill, strict=True)]))
     for place, bit in flips:
@@ -151,12 +147,6 @@ def test_no_flipped_bits_make_a_wrong_value(fill, flips, before):
     assert flips or len(message.devices) == 6
     for device, data in zip(message.devices, message.data, strict=True):
         assert data.tolist() == [fill[device - 1]] * 10
-
-
-@settings(max_examples=100, deadline=None)
-@given(junk=st.binary(max_size=400), fast=st.booleans())
-def test_junk_is_no_answer_and_no_error(junk, fast):
-    assert not len(ask_group(bus_with([junk]), (1, 2, 3), fast=fast).devices)
 
 
 @settings(max_examples=100, deadline=None)
@@ -169,13 +159,6 @@ def test_a_sync_write_is_what_the_protocol_builds(values):
     some = np.array([True, False, True])
     (packet,) = FrameParser().feed(writer.encode(np.array(values), some))
     assert isinstance(packet, Packet) and len(packet.params) == 4 + 2 * 5
-
-
-def test_all_ids_are_pinged_at_once():
-    pongs = [Status(i, 0, b"\xfc\x03\x2e").encode() for i in (1, 4, 200)]
-    found = bus_with([b"".join(pongs)]).ping_all()
-    assert sorted(found) == [1, 4, 200]
-    assert found[4].data == b"\xfc\x03\x2e"
 
 
 LAYOUTS = {

@@ -1,6 +1,6 @@
 """What commands become in registers, and in which order they are written."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,9 +24,8 @@ from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.errors import SetupError
 from drivers.virtual_bus.devices.sensors import Measured
-from robots import Robot
 from robots.description.servo_catalog import servo_models
-from robots.servo import TICKS_PER_TURN, LimitMode
+from robots.servo import TICKS_PER_TURN
 
 # Registers of an XM430 (e-manual).
 TORQUE, RETURN_LEVEL, P_GAIN, WATCHDOG, PWM, CURRENT, GOAL = 64, 68, 84, 98, 100, 102, 116
@@ -43,12 +42,13 @@ Write = tuple[str, dict[int, int]]
 """Register, and the value of each servo id."""
 
 
-@dataclass
 class Listener:
     """A bus that understands what is sent."""
 
-    writes: list[Write] = field(default_factory=list)
     wire = PROTOCOL_2
+
+    def __init__(self) -> None:
+        self.writes: list[Write] = []
 
     def send(self, frame: bytes) -> None:
         body = frame[8:-2]
@@ -91,12 +91,6 @@ def writer(tiny, bus) -> CommandWriter:
     return CommandWriter(bus, list(tiny.joints), np.arange(2), 5, "pwm")  # type: ignore[arg-type]
 
 
-@pytest.fixture
-def current_writer(tiny, bus) -> CommandWriter:
-    """A writer to servos in current-based position mode."""
-    return CommandWriter(bus, list(tiny.joints), np.arange(2), 5, "current")  # type: ignore[arg-type]
-
-
 BOTH, NONE = np.array([True, True]), np.array([False, False])
 
 
@@ -130,12 +124,9 @@ def test_torque_goes_off_first_and_a_limp_servos_goal_is_where_it_is(bus, writer
     assert states.is_on.tolist() == [True, False]
     writer.write(registers([True, False]), states, BOTH)
     assert bus.take() == [("goal", {1: 2048, 2: 1100})]
-
-
-def test_torque_that_should_not_be_is_released(bus, writer, states):
     states.must_release[1] = True
     writer.write(registers(NONE), states, BOTH)
-    assert bus.take()[0] == ("torque", {2: 0})
+    assert bus.take()[0] == ("torque", {1: 0, 2: 0})
     assert not states.must_release.any()
 
 
@@ -179,14 +170,10 @@ def test_a_current_limit_is_rounded_down_to_counts_and_returned_as_it_is(tiny):
     assert sent.pwm_limit == pytest.approx([1.0, 221 / 885])
     again = converter.to_registers(sent)
     assert np.array_equal(again.current, found.current)
-
-
-@pytest.mark.parametrize("limit", [0.0, 1e-4])
-def test_a_limit_that_rounds_to_no_count_of_current_is_torque_off(tiny, limit):
-    command = replace(Command.position(tiny, np.zeros(2)), torque_limit=np.array([limit, 0.005]))
-    found = CommandConverter(tiny, "current").to_registers(command)
-    assert found.current.tolist() == [0, 1]
-    assert found.torque.tolist() == [False, True]
+    for limit in (0.0, 1e-4):  # which rounds to no count
+        found = converter.to_registers(replace(command, torque_limit=np.array([limit, 0.005])))
+        assert found.current.tolist() == [0, 1]
+        assert found.torque.tolist() == [False, True]
 
 
 def test_a_value_is_written_when_it_changes_and_once_more():
@@ -201,17 +188,23 @@ def test_a_value_is_written_when_it_changes_and_once_more():
 
 def test_a_command_becomes_registers_of_each_servo(tiny):
     """The right hip turns the other way round, from tick 1000; 0.1 rad are 65.19 ticks."""
+    left, right = tiny.joints
+    own = replace(right, servo=replace(right.servo, own_p_gain=2100))
+    converter = CommandConverter(replace(tiny, joints=(left, own)), "pwm")
     command = Command(
         joint_pos=np.array([0.1, 0.1]),
-        gain_scale=np.array([0.25, 2.0]),
+        gain_scale=np.array([0.25, 0.5]),
         torque_limit=np.array([2.05, 4.1]),
         pwm_limit=np.array([1.0, 0.25]),
     )
-    found = CommandConverter(tiny, "pwm").to_registers(command)
+    found = converter.to_registers(command)
     assert found.goal.tolist() == [2048 + 65, 1000 - 65]
-    assert found.p_gain.tolist() == [200, 800]
+    assert found.p_gain.tolist() == [200, 1050], "shares of each joint's own"
     assert found.pwm.tolist() == [442, 221], "half and a quarter of 885, rounded down"
     assert found.torque.tolist() == [True, True]
+    assert converter.to_command(found, command).gain_scale == pytest.approx([0.25, 0.5])
+    above = converter.to_registers(replace(command, gain_scale=np.array([2.0, 2.0])))
+    assert above.p_gain.tolist() == [800, 2100]
 
 
 def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
@@ -223,17 +216,6 @@ def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
     sent = converter.to_command(found, command)
     assert sent.torque_limit == pytest.approx([4.1 * 100 / 885, 4.1])
     assert sent.pwm_limit == pytest.approx([100 / 885, 1.0])
-
-
-def test_a_gain_scale_is_a_share_of_the_joints_own_gain(tiny):
-    left, right = tiny.joints
-    own = replace(right, servo=replace(right.servo, own_p_gain=2100))
-    robot = replace(tiny, joints=(left, own))
-    converter = CommandConverter(robot, "pwm")
-    command = replace(Command.position(robot, np.zeros(2)), gain_scale=np.array([0.5, 0.5]))
-    registers = converter.to_registers(command)
-    assert registers.p_gain.tolist() == [400, 1050]
-    assert converter.to_command(registers, command).gain_scale == pytest.approx([0.5, 0.5])
 
 
 # Ranges of goals, and the modes of a torque limit ------------------------------------------------
@@ -250,24 +232,17 @@ def test_a_gain_becomes_the_next_softer_slope(gain: int):
     assert rounded <= max(gain, 1) < 2 * rounded
 
 
-def test_the_gain_as_shipped_is_the_slope_as_shipped():
+def test_gains_positions_and_supply_have_the_counts_of_the_manual():
     assert to_slope(np.array([4, 2, 1, 0])).tolist() == [32, 64, 128, 128]
     assert table_named("AX-12A")["cw_compliance_slope"].default == 32
-
-
-@pytest.mark.parametrize(
-    ("model", "ends", "full"),
-    [
+    for model, ends, full in (
         ("XM430-W350", (-1_048_575, 1_048_575), 885),  # in extended position mode
         ("AX-12A", (0, 1023), 1023),
         ("XL-320", (0, 1023), 1023),
         ("STS3215", (0, 4095), 1000),
-    ],
-)
-def test_positions_and_supply_have_the_counts_of_the_manual(model: str, ends, full: int):
-    table = table_named(model)
-    assert goal_range(table) == ends
-    assert full_scale(table) == full
+    ):
+        table = table_named(model)
+        assert (goal_range(table), full_scale(table)) == (ends, full), model
 
 
 @pytest.mark.parametrize(
@@ -277,17 +252,14 @@ def test_positions_and_supply_have_the_counts_of_the_manual(model: str, ends, fu
         ("pwm", OperatingMode.EXTENDED_POSITION, 0),
     ],
 )
-def test_the_driver_sets_the_mode_and_its_damping(tiny: Robot, by, mode, d_gain):
+def test_the_mode_and_its_damping_are_set_and_torque_begins_where_a_joint_was_turned_around(
+    tiny, by, mode, d_gain
+):
+    """The servo counts the turn, and a goal without it would be a turn away."""
     with Rig(tiny, limit_by=by) as rig:
         assert rig.backend.limit_by == by
         assert rig.peek("operating_mode") == [mode] * 2
         assert rig.peek("position_d_gain") == [d_gain] * 2
-
-
-@pytest.mark.parametrize("by", ["current", "pwm"])
-def test_torque_begins_where_a_joint_is_that_was_turned_around(tiny: Robot, by: LimitMode):
-    """The servo counts the turn, and a goal without it would be a turn away."""
-    with Rig(tiny, limit_by=by) as rig:
         rig.backend.close()
         before = rig.peek("present_position")[0]
         rig.servo("l_hip").sense(Measured(ticks=before + TICKS_PER_TURN))
@@ -299,7 +271,7 @@ def test_torque_begins_where_a_joint_is_that_was_turned_around(tiny: Robot, by: 
         assert rig.peek("torque_enable") == [1, 1]
 
 
-def test_servos_without_current_sensor_have_no_current_mode(tiny: Robot):
+def test_servos_without_current_sensor_have_no_current_mode(tiny):
     model = servo_models()["XL430-W250"]
     joints = tuple(replace(j, servo=replace(j.servo, model=model)) for j in tiny.joints)
     robot, ports = replace(tiny, joints=joints, limit_by="pwm"), {"main": "main"}

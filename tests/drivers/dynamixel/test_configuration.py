@@ -69,13 +69,14 @@ def test_whatever_was_written_before_all_registers_are_set(bench: Bench):
     found = {name: bench.servo.peek(name) for name in RAM | EEPROM}
     assert found == RAM | EEPROM
     assert setup.eeprom_writes == 4, "the lower limit was right"
-
-
-def test_a_servo_that_is_set_up_needs_no_more_writes_to_its_eeprom(bench: Bench):
-    bench.setup().run(bench.bus)
     assert list_eeprom_settings(bench.facts(), "current") == {}
     again = bench.setup()
     assert again.run(bench.bus) and again.eeprom_writes == 0
+    failing = bench.setup(by="pwm")
+    assert failing.step(bench.bus)
+    bench.servo.write(64, b"\x01")  # torque is on again: the EEPROM is locked
+    assert not failing.run(bench.bus)
+    assert failing.failed == "operating_mode = 4 is not confirmed (error 7)"
 
 
 @pytest.mark.parametrize(
@@ -90,21 +91,11 @@ def test_a_servo_that_may_have_restarted_is_read_again_before_it_is_set_up(
     bench.servo.poke(item, changed)
     assert setup.run(bench.bus) and setup.eeprom_writes == 1
     assert bench.servo.peek(item) == EEPROM[item]
-
-
-@pytest.mark.parametrize(("item", "value"), [("model_number", 1060), ("firmware_version", 44)])
-def test_another_servo_in_its_place_is_refused(bench: Bench, item: str, value: int):
-    setup = bench.setup(recheck=True)
-    bench.servo.poke(item, value)
-    bench.port.sent.clear()
-    assert not setup.run(bench.bus) and not setup.done
-    assert "now, not the XM430-W350 of the start" in setup.failed
-    assert bench.port.frames(Instruction.WRITE) == []
-
-
-def test_an_error_of_the_servo_is_named_by_its_number(bench: Bench):
-    setup = bench.setup()
-    assert setup.step(bench.bus)
-    bench.servo.write(64, b"\x01")  # torque is on again: the EEPROM is locked
-    assert not setup.run(bench.bus)
-    assert setup.failed == "return_delay_time = 0 is not confirmed (error 7)"
+    for item, value in (("model_number", 1060), ("firmware_version", 44)):
+        setup, before = bench.setup(recheck=True), bench.servo.peek(item)
+        bench.servo.poke(item, value)
+        bench.port.sent.clear()
+        assert not setup.run(bench.bus) and not setup.done, "another servo is in its place"
+        assert "now, not the XM430-W350 of the start" in setup.failed
+        assert bench.port.frames(Instruction.WRITE) == []
+        bench.servo.poke(item, before)

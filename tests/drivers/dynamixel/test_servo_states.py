@@ -98,23 +98,26 @@ def test_a_leap_is_believed_once_the_next_reply_confirms_it(states, second, is_c
     assert states.ticks[0] == 3500 - second + 10
 
 
-@pytest.mark.parametrize(("before", "register", "ticks"), [(1000, 4060, 4060), (2048, 4200, 4200)])
-def test_a_joint_that_was_turned_by_hand_has_not_lost_its_turns(tiny, before, register, ticks):
-    """The servo counted on while nothing read it; a start leaves what is within the first turn."""
-    states = ServoStates(tiny, 0.008)
+@pytest.mark.parametrize(
+    ("zero", "before", "register", "ticks"),
+    [
+        # Turned by hand: the servo counted on while nothing read it.
+        (2048, 1000, 4060, 4060),
+        (2048, 2048, 4200, 4200),
+        # A restart leaves what is within the first turn.
+        (0, -300, 3796, -300),
+        (0, 5, 4093, -3),
+    ],
+)
+def test_a_joint_that_was_turned_or_restarts_is_where_it_was_or_can_be(
+    tiny, zero, before, register, ticks
+):
+    left, right = tiny.joints
+    moved = replace(left, servo=replace(left.servo, zero_ticks=zero))
+    states = ServoStates(replace(tiny, joints=(moved, right)), 0.008)
     update(states, reply(1, before), reply(2, 1000), now=BEGIN)
     update(states, reply(1, register), now=BEGIN + 10.0)
     assert states.ticks[0] == ticks
-
-
-@pytest.mark.parametrize(("before", "register"), [(-300, 3796), (5, 4093)])
-def test_a_servo_that_restarts_beyond_its_first_turn_is_where_it_was(tiny, before, register):
-    left, right = tiny.joints
-    moved = replace(left, servo=replace(left.servo, zero_ticks=0))
-    states = ServoStates(replace(tiny, joints=(moved, right)), 0.008)
-    update(states, reply(1, before), reply(2, 1000), now=BEGIN)
-    update(states, reply(1, register), now=BEGIN + 1.0)
-    assert states.ticks[0] == register - 4096
 
 
 @pytest.mark.parametrize(("silence", "is_unsure"), [(2.4, False), (2.6, True)])
@@ -151,15 +154,13 @@ def test_torque_registers_are_compared_with_what_was_written(states):
     assert [flag.tolist() for flag in flags] == [[False, True], [True, False], [False, False]]
     assert not states.update_torque(torque_reply(0, 0), is_final=True)
     assert states.is_unsure.tolist() == [True, False]
-
-
-def test_torque_where_none_was_written_is_released(states):
-    states.update_background(1, TORQUE, b"\1")
-    assert states.must_release.tolist() == [False, True]
     states.note_off(np.array([1]))
     assert not states.must_release.any()
+    states.update_background(1, TORQUE, b"\1")
+    assert states.must_release.tolist() == [False, True], "where none was written"
+    states.note_off(np.array([1]))
     states.update_background(1, TORQUE, b"\0")
-    assert not states.must_release.any() and not states.is_unsure.any()
+    assert not states.must_release.any()
 
 
 def test_a_servo_without_a_current_sensor_reports_its_load(tiny):

@@ -32,21 +32,17 @@ def place(robot: Robot, shares: list[float]) -> np.ndarray:
 
 
 @settings(max_examples=30, deadline=None)
-@given(shares=SHARES)
-def test_servos_that_just_started_are_where_their_joints_can_be(toddlerbot: Robot, shares):
-    true = ServoUnits(toddlerbot).to_ticks(place(toddlerbot, shares))
-    register = np.mod(true, TICKS_PER_TURN)
-    assert np.array_equal(WholeTurns(toddlerbot).resolve(register, register), true)
-
-
-@settings(max_examples=30, deadline=None)
 @given(shares=SHARES, fall=st.integers(-300, 300))
-def test_servos_that_restart_are_near_to_where_they_were(toddlerbot: Robot, shares, fall: int):
+def test_servos_start_where_their_joints_can_be_and_restart_near_to_where_they_were(
+    toddlerbot, shares, fall
+):
     """Also where the ranges alone cannot tell: the waist may be at either of its ends."""
     joint_pos = toddlerbot.lower + (toddlerbot.upper - toddlerbot.lower) * np.array(shares)
-    true = ServoUnits(toddlerbot).to_ticks(joint_pos)
-    register = np.mod(true, TICKS_PER_TURN)
-    assert np.array_equal(WholeTurns(toddlerbot).resolve(register, true + fall), true)
+    for angles, is_new in ((joint_pos, False), (place(toddlerbot, shares), True)):
+        true = ServoUnits(toddlerbot).to_ticks(angles)
+        register = np.mod(true, TICKS_PER_TURN)
+        near = register if is_new else true + fall
+        assert np.array_equal(WholeTurns(toddlerbot).resolve(register, near), true)
 
 
 def test_what_cannot_be_told_apart_is_listed(toddlerbot: Robot):
@@ -59,13 +55,9 @@ def test_what_cannot_be_told_apart_is_listed(toddlerbot: Robot):
     assert found[waist] == pytest.approx([1.3, 1.3 - 2.0 * np.pi / 2.4], abs=0.001)
     assert found[roll] == pytest.approx(0.0, abs=0.001)
     assert all(len(found[row]) == 1 for row in range(toddlerbot.n) if row not in (waist, roll))
-
-
-def test_joints_without_the_servo_that_they_are_coupled_to_have_no_angle(toddlerbot: Robot):
     known = np.ones(toddlerbot.n, dtype=bool)
-    known[toddlerbot.joint_names.index("waist_roll")] = False
-    found = WholeTurns(toddlerbot).find_angles(np.full(toddlerbot.n, 2048), known)
-    assert len(found) == toddlerbot.n - 2
+    known[roll] = False  # the servo that the waist's yaw is coupled to
+    assert len(WholeTurns(toddlerbot).find_angles(ticks, known)) == toddlerbot.n - 2
 
 
 def test_a_servo_that_restarts_beyond_the_end_of_its_turn_is_still_measured_right(tiny: Robot):

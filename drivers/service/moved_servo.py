@@ -141,8 +141,8 @@ class MoveController:
 
 def make_driver(robot: Robot, ports: Mapping[str, str]) -> DynamixelBackend:
     """Make the driver of a robot or a bench, not connected yet."""
-    options = None
+    margin = None
     if isinstance(robot, ServoBench):  # beside any other work
         margin = max(ANSWER_MARGIN, MARGIN_SHARE * robot.control_period)
-        options = DriverOptions(answer_margin=margin)
+    options = DriverOptions(answer_margin=margin)
     return DynamixelBackend(robot, ports, without_imu=robot.imu_kind is None, options=options)

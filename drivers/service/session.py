@@ -47,7 +47,8 @@ class RobotBus:
         self.findings: list[Finding] = find_duplicate_ids(robot)
         """Problems of the description and the board."""
         self._check_board()
-        self._open_imu(imu)
+        if imu is not None or not isinstance(robot, ServoBench):
+            self._open_imu(imu)
         for bus, joint in self.servos:
             self._unmute(bus, joint)
 
@@ -94,8 +95,6 @@ class RobotBus:
             await_servos(self.servos)
 
     def _open_imu(self, imu: ImuSource | None) -> None:
-        if imu is None and isinstance(self.robot, ServoBench):
-            return
         if imu is None:
             text, remedy = "names no IMU", "add an [imu] table, or [bus.board] for one on the bus"
             self.findings.append(Finding.error("robot.toml", text, remedy))

@@ -147,9 +147,6 @@ class RealTimeRobot(HandledRobot):
     def __exit__(self, *error: object) -> None:
         self._stopping.set()
         self._thread.join()
-        self._end_process()
-
-    def _end_process(self) -> None:
         self._connection.close()  # which ends it
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(LONGEST_REPLY)
@@ -178,24 +175,21 @@ class RealTimeRobot(HandledRobot):
     # Physics ------------------------------------------------------------------------------------
 
     def _run(self) -> None:
+        start = monotonic() - self.physics.time
         try:
-            self._keep_time()
+            while not self._stopping.is_set():
+                self._receive()
+                late = monotonic() - start - self.physics.time - LONGEST_CATCH_UP
+                if late > 0.0:
+                    start += late
+                    self.behind += late
+                self._receive_commands()
+                self.physics.advance(monotonic() - start)
+                step = self.simulation.model.opt.timestep
+                pause = REST_PAUSE if self.physics.is_at_rest else step
+                self._stopping.wait(max(start + self.physics.time + pause - monotonic(), 0.0))
         finally:
             self._replies.put(DriverError("the virtual bus stopped unexpectedly"))
-
-    def _keep_time(self) -> None:
-        start = monotonic() - self.physics.time
-        while not self._stopping.is_set():
-            self._receive()
-            late = monotonic() - start - self.physics.time - LONGEST_CATCH_UP
-            if late > 0.0:
-                start += late
-                self.behind += late
-            self._receive_commands()
-            self.physics.advance(monotonic() - start)
-            step = self.simulation.model.opt.timestep
-            pause = REST_PAUSE if self.physics.is_at_rest else step
-            self._stopping.wait(max(start + self.physics.time + pause - monotonic(), 0.0))
 
     def _receive(self) -> None:
         try:

@@ -55,7 +55,7 @@ class LimbSolver:
         start = self._inside(joints, before[joints])
 
         def residuals(values: Array) -> Array:
-            self._look(before, joints, values)
+            self.limbs.look(_replaced(before, joints, values))
             turned = [leg.sole_axes - foot for leg, foot in zip(legs, feet, strict=True)]
             off = BALANCE * (limbs.over_soles()[0] - ahead)
             return np.concatenate([[off], *map(np.ravel, turned), HABIT * (values - start)])
@@ -68,7 +68,7 @@ class LimbSolver:
         start = self._inside(joints, before[joints])
 
         def residuals(values: Array) -> Array:
-            self._look(before, joints, values)
+            self.limbs.look(_replaced(before, joints, values))
             found = self.limbs.read_pose(limb)
             errors = [found.upper - pose.upper, found.lower - pose.lower, HABIT * (values - start)]
             if pose.foot is not None and found.foot is not None:
@@ -81,9 +81,6 @@ class LimbSolver:
             tries += [0.5 * (bounds[0] + bounds[1]), robot.standing.joint_pos[joints]]
         solved = [least_squares(residuals, self._inside(joints, t), bounds=bounds) for t in tries]
         return _replaced(before, joints, min(solved, key=lambda found: found.cost).x)
-
-    def _look(self, before: Array, joints: list[int], values: Array) -> None:
-        self.limbs.look(_replaced(before, joints, values))
 
     def _bounds(self, joints: list[int]) -> tuple[Array, Array]:
         robot = self.limbs.robot

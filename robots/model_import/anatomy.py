@@ -108,7 +108,8 @@ class Anatomy:
 
 def find_anatomy(tree: KinematicTree, path: Path, notes: list[str]) -> Anatomy:
     """Find the parts of a humanoid that stands upright, z up, in a tree's pose, with notes."""
-    low, high = _measure_ends(tree)
+    ends = [_measure_link(tree, k, UP) or (h.anchor[2],) * 2 for k, h in enumerate(tree.hinges)]
+    low, high = np.array(ends).T
     height = float(np.nanmax(high) - np.nanmin(low))
     one, other = _find_feet(tree, low, height, path)
     _check_hips(tree, _find_legs(tree, one, other), height, path)
@@ -129,13 +130,6 @@ def find_anatomy(tree: KinematicTree, path: Path, notes: list[str]) -> Anatomy:
     for k in mirror.unpaired:
         notes.append(f"joint {shown(tree.hinges[k].name)} has no counterpart: it is its own mirror")
     return Anatomy(tree=tree, axes=axes, middle=middle, legs=legs, mirror=mirror, height=height)
-
-
-def _measure_ends(tree: KinematicTree) -> tuple[Array, Array]:
-    """Measure the lowest and highest point of each hinge's link [m], (n,) each."""
-    hinges = enumerate(tree.hinges)
-    rows = [_measure_link(tree, k, UP) or (hinge.anchor[2],) * 2 for k, hinge in hinges]
-    return np.array(rows)[:, 0], np.array(rows)[:, 1]
 
 
 def _measure_link(tree: KinematicTree, hinge: int, way: Array) -> tuple[float, float] | None:

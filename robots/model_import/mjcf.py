@@ -52,7 +52,10 @@ def read_mjcf(path: Path) -> ModelSource:
     if problems := [*find_number_problems(model), *_find_range_problems(spec, model)]:
         raise ModelImportError(*(f"{path}: {problem}" for problem in problems))
     check_size(path, bodies=model.nbody - 1, joints=model.njnt)
-    key = _find_stance_key(model)
+    # The keyframe that is named as a stance, or the first one.
+    keys = {k: model.key(k).name.lower() for k in range(model.nkey)}
+    named = (k for k, name in keys.items() if any(word in name for word in STANCES))
+    key = next(named, 0 if keys else None)
     qpos = model.qpos0 if key is None else model.key_qpos[key]
     hinges = [] if key is None else np.flatnonzero(model.jnt_type == HINGE)
     stance = {model.joint(j).name: float(qpos[model.jnt_qposadr[j]]) for j in hinges}
@@ -125,13 +128,6 @@ def _list_loops(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
             yield objects
         elif is_loop:  # between sites
             yield int(model.site_bodyid[objects[0]]), int(model.site_bodyid[objects[1]])
-
-
-def _find_stance_key(model: mujoco.MjModel) -> int | None:
-    """Find the keyframe that is named as a stance, or the first one; None without keyframes."""
-    names = [model.key(k).name.lower() for k in range(model.nkey)]
-    named = (k for k, name in enumerate(names) if any(word in name for word in STANCES))
-    return next(named, 0 if names else None)
 
 
 def _list_actuators(model: mujoco.MjModel) -> dict[str, ActuatorFigures]:

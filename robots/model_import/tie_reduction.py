@@ -22,13 +22,6 @@ class Follower:
     ratio: float
     """Turns of the joint per turn of its leader."""
 
-    def describe(self) -> str:
-        """Describe it in a note."""
-        return (
-            f"joint {self.joint} follows {self.leader} ({self.ratio:.3g} turns to one) and has no "
-            "servo"
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
@@ -78,7 +71,10 @@ def _sort_out(
             notes.append(describe_separate((each.joint, each.leader)))
         elif each.joint not in known:
             known.add(each.joint)
-            notes.append(each.describe())
+            notes.append(
+                f"joint {each.joint} follows {each.leader} ({each.ratio:.3g} turns to one) and has "
+                "no servo"
+            )
             yield each
 
 

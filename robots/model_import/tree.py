@@ -182,10 +182,13 @@ def _find_size_problems(source: ModelSource, root: int) -> Iterator[str]:
                 f"{source.path}: body {shown(model.body(body).name)} has an inertia of "
                 f"{moment:g} kg·m², expected at most {MOST_INERTIA:g} kg·m²"
             )
-        if span <= SPANS[1] and (reach := _measure_reach(model, body)) > SPANS[1]:
+        first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
+        own = slice(first, first + count)  # its shapes; planes have no radius
+        reach = np.linalg.norm(model.geom_pos[own], axis=1) + model.geom_rbound[own]
+        if span <= SPANS[1] and (far := float(reach.max(initial=0.0))) > SPANS[1]:
             yield (
                 f"{source.path}: a shape of body {shown(model.body(body).name)} reaches "
-                f"{reach:.3g} m from it, expected at most {SPANS[1]:g} m: a mesh in mm needs scale "
+                f"{far:.3g} m from it, expected at most {SPANS[1]:g} m: a mesh in mm needs scale "
                 "0.001"
             )
     if not SPANS[0] <= span <= SPANS[1]:
@@ -200,11 +203,3 @@ def _find_size_problems(source: ModelSource, root: int) -> Iterator[str]:
             f"{source.path}: its mass is {mass:.3g} kg, expected {MASSES[0]:g} to {MASSES[1]:g} "
             "kg: masses are in kg"
         )
-
-
-def _measure_reach(model: mujoco.MjModel, body: int) -> float:
-    """Measure how far the shapes of a body reach from its origin [m]; planes do not count."""
-    first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
-    own = slice(first, first + count)
-    reach = np.linalg.norm(model.geom_pos[own], axis=1) + model.geom_rbound[own]
-    return float(reach.max(initial=0.0))

@@ -215,7 +215,10 @@ def _read(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
     expected = _describe(hint)
     if isinstance(value, float) and 0.0 < value < LEAST:
         expected = expected.replace("above 0", f"at least {LEAST:g}")
-    problems.append(f"{place} is {_show_with_unit(hint, value)}, expected {expected}")
+    unit = ""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        unit = (meta.extra or {}).get("unit", "") if abs(value) <= sys.float_info.max else ""
+    problems.append(f"{place} is {f'{shown(value)} {unit}'.rstrip()}, expected {expected}")
     return _blank(hint)
 
 
@@ -284,13 +287,6 @@ def _row_place(place: str, row: dict[str, Any], number: int) -> str:
 
 def _as_key(key: str) -> str:
     return key if key.replace("-", "_").isidentifier() else shown(key)
-
-
-def _show_with_unit(hint: Any, value: Any) -> str:
-    unit = (_split(hint)[1].extra or {}).get("unit", "")
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    is_finite = is_number and abs(value) <= sys.float_info.max
-    return f"{shown(value)} {unit if is_finite else ''}".rstrip()
 
 
 def _describe(hint: Any) -> str:

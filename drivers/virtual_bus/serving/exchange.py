@@ -86,7 +86,8 @@ class InstructionReader:
         """Parse bytes that arrive at a time [s] and a baud rate; return complete instructions."""
         parser, statistics = self._parser, self._statistics
         statistics.bytes_in += len(data)
-        if parser.pending and self._breaks_off(data, at):
+        is_late = at - self._last_byte > LONGEST_GAP
+        if parser.pending and (is_late if self._timed else data.startswith(self._wire.header)):
             parser.reset()
             statistics.broken_off += 1
         self._last_byte = max(self._last_byte, at) + len(data) * byte_time(baud)
@@ -104,11 +105,6 @@ class InstructionReader:
                 found.append(ReceivedInstruction(item, whole, at, baud))
         statistics.noise = parser.noise
         return found
-
-    def _breaks_off(self, data: bytes, at: float) -> bool:
-        if self._timed:
-            return at - self._last_byte > LONGEST_GAP
-        return data.startswith(self._wire.header)
 
 
 def byte_time(baud: int) -> float:

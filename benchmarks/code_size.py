@@ -40,7 +40,7 @@ HERE = Path(humanoid_getup.__file__).parents[1]
 PACKAGES = ("robots", "drivers", "humanoid_getup", "sim2real")
 PLUGINS = "plugins"
 _HG = {
-    "application": ("cli", "jobs", "__init__.py", "__init__.pyi", "library_environment.py"),
+    "application": ("commands", "__init__.py", "__init__.pyi", "library_environment.py"),
     "studio": ("studio",),
     "reporting, benchmarks": ("reporting", "benchmarks"),
     "planning, filtering, strategies": ("planning", "filtering", "strategies"),

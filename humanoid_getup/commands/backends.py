@@ -14,8 +14,8 @@ from drivers.dynamixel.clock import LAG, LEAST_LAG, CycleClock, VirtualClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import serve_robot
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
-from humanoid_getup.commands.backend_options import BackendOptions
 from humanoid_getup.commands.inputs import name_ports
+from humanoid_getup.commands.options import BackendOptions
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 

@@ -11,24 +11,25 @@ def _print(found: ExportedMotion, request: ExportMotionRequest, console: Console
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import update_wrapper
 from importlib import import_module
+from pathlib import Path
 from typing import Any, Concatenate, Generic, Protocol, TypeVar
 
 from rich.console import Console
 
 from humanoid_getup.commands.command_table import COMMANDS
-from humanoid_getup.commands.console import console_for, showing
-from humanoid_getup.commands.errors import refusing_own
-from humanoid_getup.commands.exit_codes import DID_IT
-from humanoid_getup.commands.options import JobRequest, with_json, write_command
-from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.console import console_for, find_json_target, showing
+from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing_own
+from humanoid_getup.commands.files import STANDARD_OUTPUT
+from humanoid_getup.commands.options import CommandRequest, with_json, write_command
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 
-Request = TypeVar("Request", bound=JobRequest)
+Request = TypeVar("Request", bound=CommandRequest)
 Result = TypeVar("Result")
 Work = Callable[Concatenate[Request, ProgressMonitor, ...], Result]
 Show = Callable[[Result, Any, Console], int]
@@ -38,7 +39,7 @@ _REGISTERED: dict[str, RunsOptions] = {}
 class RunsOptions(Protocol):
     """What the command line runs."""
 
-    options: type[JobRequest]
+    options: type[CommandRequest]
     """Options of the command line."""
 
     def run(self, options: Any, /) -> int:
@@ -64,7 +65,7 @@ class Command(Generic[Request, Result]):
         self._is_begun, self._person, self._in_lines = is_begun, person, in_lines
         self._show: Show[Result] | None = None
         self._request = find_request(work)
-        self.options: type[JobRequest] = with_json(self._request) if json else self._request
+        self.options: type[CommandRequest] = with_json(self._request) if json else self._request
 
     def __call__(
         self,
@@ -138,12 +139,12 @@ class Program:
         update_wrapper(self, work)
         self.options, self._work = find_request(work), work
 
-    def __call__(self, options: JobRequest) -> int:
+    def __call__(self, options: CommandRequest) -> int:
         """Run it, unless its options cannot be used; return the exit code."""
         self.options.accept(options)
         return self.run(options)
 
-    def run(self, options: JobRequest, /) -> int:
+    def run(self, options: CommandRequest, /) -> int:
         """Run it with checked options; return the exit code."""
         with refusing_own():
             return self._work(options)
@@ -185,7 +186,7 @@ def program(name: str) -> Callable[[Callable[[Any], int]], Program]:
     return register
 
 
-def find_request(work: Callable[..., object]) -> type[JobRequest]:
+def find_request(work: Callable[..., object]) -> type[CommandRequest]:
     """Return the type of a function's first argument."""
     kind = next(iter(work.__annotations__.values()))
     return eval(kind, work.__globals__) if isinstance(kind, str) else kind  # our own source
@@ -195,3 +196,22 @@ def load_command(name: str) -> RunsOptions:
     """Import a command."""
     import_module(f"humanoid_getup.commands.{COMMANDS[name].module}")
     return _REGISTERED[name]
+
+
+def write_json(result: object, command: CommandRequest) -> None:
+    """Write a result as JSON to the target of a command: a file, standard output, or none."""
+    json = find_json_target(command)
+    if json is None:
+        return
+    from robots.storage.encoding import to_json  # loads NumPy, which --help does without
+
+    if json == STANDARD_OUTPUT:
+        sys.stdout.write(to_json(result))
+        return
+    from robots.storage.files import write_atomically
+
+    try:
+        Path(json).parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(Path(json), to_json(result))
+    except OSError as error:
+        raise BadInputError(f"output file {json}: {error.strerror}") from error

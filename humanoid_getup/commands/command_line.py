@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
-from importlib import import_module
 from importlib.metadata import version
 from typing import Annotated, Any, Union
 
@@ -17,7 +16,7 @@ from humanoid_getup.commands.command import load_command
 from humanoid_getup.commands.command_table import COMMANDS, DEFAULTS, SECTIONS
 from humanoid_getup.commands.console import phase
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.options import JobRequest, with_json
+from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.commands.parsing import in_one_line, registry
 from humanoid_getup.commands.values import list_options
 
@@ -31,12 +30,12 @@ class Invocation:
     """A command and its options."""
 
     name: str
-    options: JobRequest
+    options: CommandRequest
 
     def load(self) -> Callable[[], int]:
         """Import the function of the command, which returns the exit code."""
         with phase("loading"):
-            return partial(load_work(self.name), self.options)
+            return partial(load_command(self.name).run, self.options)
 
 
 def parse(arguments: Sequence[str]) -> Invocation:
@@ -45,14 +44,14 @@ def parse(arguments: Sequence[str]) -> Invocation:
     if name not in COMMANDS or not is_command(name):
         return _explain(name, rest)
     with in_one_line(f"getup {name}", partial(_list_others, name)):
-        options = _read(load_options(name), f"getup {name}", rest)
+        options = _read(load_command(name).options, f"getup {name}", rest)
     options.check()
     return Invocation(name, options)
 
 
 def is_command(name: str) -> bool:
     """Return whether a name is that of a command, not of a group."""
-    return bool(COMMANDS[name].options or COMMANDS[name].module)
+    return bool(COMMANDS[name].module)
 
 
 def find_command(words: Sequence[str]) -> tuple[str, Sequence[str]]:
@@ -109,16 +108,6 @@ def write_help(group: str = "") -> str:
     return "\n".join(lines if group else [*lines, f"{program} {VERSION} prints the version."])
 
 
-def load_options(name: str) -> type[JobRequest]:
-    """Import the options of a command."""
-    command = COMMANDS[name]
-    if command.module:
-        return load_command(name).options
-    package = "cli" if command.options.startswith("options.") else "jobs.requests"
-    options = _load(f"{package}.{command.options}")
-    return with_json(options) if command.json else options
-
-
 def _list_others(name: str, option: str) -> list[str]:
     """Name the commands of the same section that have an option."""
     group = name.split()[0]
@@ -127,22 +116,8 @@ def _list_others(name: str, option: str) -> list[str]:
         f"getup {other}"
         for other in COMMANDS
         if other.split()[0] in section and is_command(other)
-        if option in list_options(load_options(other))
+        if option in list_options(load_command(other).options)
     ]
-
-
-def load_work(name: str) -> Callable[[JobRequest], int]:
-    """Import the function that runs a command."""
-    if COMMANDS[name].module:
-        return load_command(name).run
-    group = name.split()[0]
-    section = next(heading for heading, names in SECTIONS.items() if group in names)
-    return _load(f"cli.{section.replace(' ', '_')}.{COMMANDS[name].work}")
-
-
-def _load(target: str) -> Any:
-    module, _, name = target.rpartition(".")
-    return getattr(import_module(f"humanoid_getup.{module}"), name)
 
 
 def list_commands(group: str = "") -> Any:
@@ -152,7 +127,7 @@ def list_commands(group: str = "") -> Any:
         parent, _, own_name = name.rpartition(" ")
         if parent != group:
             continue
-        kind = load_options(name) if is_command(name) else _load_group(name)
+        kind = load_command(name).options if is_command(name) else _load_group(name)
         members.append(Annotated[kind, subcommand(own_name, description=command.summary)])
     return Union[tuple(members)]  # noqa: UP007  (as many as there are)
 
@@ -160,7 +135,7 @@ def list_commands(group: str = "") -> Any:
 def _load_group(name: str) -> Any:
     """Return the commands of a group with their options."""
     members = [member for member in COMMANDS if member.startswith(f"{name} ")]
-    return load_options(members[0]) if len(members) == 1 else list_commands(name)
+    return load_command(members[0]).options if len(members) == 1 else list_commands(name)
 
 
 def _read(options: Any, program: str, arguments: Sequence[str], about: str | None = None) -> Any:

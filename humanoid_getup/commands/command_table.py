@@ -1,4 +1,4 @@
-"""The table of commands: section, summary, options and function of each."""
+"""The table of commands: sections, summaries, and the module of each command."""
 
 from __future__ import annotations
 
@@ -8,139 +8,105 @@ SECTIONS = {
     "get up": ("rise", "play", "run", "sit", "hold", "fall"),
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style"),
     "learn": ("train", "eval", "export", "policy", "prior"),
-    "robot": (
-        "robots",
-        "first-steps",
-        "servo",
-        "doctor",
-        "calibrate",
-        "watch",
-        "bus",
-    ),
+    "robot": ("robots", "first-steps", "servo", "doctor", "calibrate", "watch", "bus"),
     "look": ("studio", "replay", "log", "bench"),
 }
-"""Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
+"""Commands and groups in the order of `getup --help`."""
 DEFAULTS = {"robots": "robots list"}
 """Default commands of groups."""
 
 
-class TableEntry(NamedTuple):
-    """A command, or a group of commands, which has a summary only."""
+class Entry(NamedTuple):
+    """A command, or a group of commands, which has no module."""
 
     summary: str
-    options: str = ""
-    """Class of its options, below ``jobs.requests``; with ``options.`` before it, below ``cli``."""
-    work: str = ""
-    """Function that runs it, below the folder of its section."""
-    json: bool = False
-    """Whether its results can be written as JSON."""
     module: str = ""
-    """Module of a command, below ``commands``."""
+    """Module that registers it, below ``commands``."""
 
 
 COMMANDS = {
-    "rise": TableEntry("Get up from a fall by a planned motion or a policy.", module="get_up.rise"),
-    "play": TableEntry("Play a rising motion and judge how it ends.", module="get_up.play"),
-    "run": TableEntry("Run a policy once and judge how it ends.", module="get_up.run"),
-    "plan": TableEntry("Plan a path only, without physics.", module="plan.plan_path"),
-    "sit": TableEntry("Sit and lie down from a stand.", module="get_up.stand"),
-    "hold": TableEntry("Hold a robot in its stand until a key is pressed.", module="get_up.stand"),
-    "fall": TableEntry(
-        "Drop a limp robot, and write how it lies as a posture file.", module="get_up.fall"
-    ),
-    "prior": TableEntry("Make the pose prior of styled policies.", module="learn.make_prior"),
-    "train": TableEntry("Train a policy, or continue a training.", module="learn.train"),
-    "eval": TableEntry("Evaluate a policy on settled falls.", module="learn.evaluate"),
-    "export": TableEntry("Export the policy of a training.", module="learn.export"),
-    "policy": TableEntry("Import and check policies of other projects."),
-    "policy import": TableEntry(
-        "Make a policy that was trained elsewhere run here.", module="learn.foreign_policy"
-    ),
-    "policy check": TableEntry(
-        "Compare an imported policy with a trace from where it was trained.",
-        module="learn.foreign_policy",
-    ),
-    "motions": TableEntry(
+    "rise": Entry("Get up from a fall by a planned motion or a policy.", "get_up.rise"),
+    "play": Entry("Play a rising motion and judge how it ends.", "get_up.play"),
+    "run": Entry("Run a policy once and judge how it ends.", "get_up.run"),
+    "sit": Entry("Sit and lie down from a stand.", "get_up.stand"),
+    "hold": Entry("Hold a robot in its stand until a key is pressed.", "get_up.stand"),
+    "fall": Entry("Drop a limp robot, and write how it lies as a posture file.", "get_up.fall"),
+    "plan": Entry("Plan a path only, without physics.", "plan.plan_path"),
+    "preflight": Entry("Check whether a motion may be played.", "plan.preflight"),
+    "motions": Entry(
         "List, build, retarget, discover, import, record, preview, show or export motions."
     ),
-    "motions list": TableEntry("List a robot's motions.", module="motions.show_motions"),
-    "motions build": TableEntry("Build motions from keyframes.", module="motions.build_motions"),
-    "motions import": TableEntry(
-        "Add keys from another program's file.", module="motions.import_keys"
+    "motions list": Entry("List a robot's motions.", "motions.show_motions"),
+    "motions build": Entry("Build motions from keyframes.", "motions.build_motions"),
+    "motions import": Entry("Add keys from another program's file.", "motions.import_keys"),
+    "motions record": Entry("Record keys from a robot moved by hand.", "motions.record_motion"),
+    "motions preview": Entry(
+        "Draw the keys of a motion and play them once.", "motions.preview_motion"
     ),
-    "motions record": TableEntry(
-        "Record keys from a robot moved by hand.", module="motions.record_motion"
+    "motions retarget": Entry(
+        "Transfer the keyframes of another robot.", "motions.retarget_motions"
     ),
-    "motions preview": TableEntry(
-        "Draw the keys of a motion and play them once.", module="motions.preview_motion"
+    "motions discover": Entry(
+        "Find motions by a search in physics, or in a policy's rises.", "motions.discover_motions"
     ),
-    "motions retarget": TableEntry(
-        "Transfer the keyframes of another robot.", module="motions.retarget_motions"
+    "motions show": Entry("Draw a motion as a film strip.", "motions.show_motions"),
+    "motions export": Entry(
+        "Write a motion as CSV, or as a JointTrajectory of ROS.", "motions.export_motion"
     ),
-    "motions discover": TableEntry(
-        "Find motions by a search in physics, or in a policy's rises.",
-        module="motions.discover_motions",
+    "mocap": Entry("Import clips of motion capture."),
+    "mocap import": Entry("Make a motion of a robot from a clip.", "motions.import_clip"),
+    "scenes": Entry("List or draw the scenes.", "plan.scenes"),
+    "style": Entry("List, show, edit or extract styles of rising."),
+    "style list": Entry("List the named styles.", "plan.styles"),
+    "style show": Entry("Print and draw the curves of styles.", "plan.styles"),
+    "style edit": Entry("Raise sooner or later, slower, faster, hold.", "plan.styles"),
+    "style extract": Entry(
+        "Extract a style from a motion, a flight log or a clip.", "plan.extract_style"
     ),
-    "motions show": TableEntry("Draw a motion as a film strip.", module="motions.show_motions"),
-    "motions export": TableEntry(
-        "Write a motion as CSV, or as a JointTrajectory of ROS.", module="motions.export_motion"
+    "train": Entry("Train a policy, or continue a training.", "learn.train"),
+    "eval": Entry("Evaluate a policy on settled falls.", "learn.evaluate"),
+    "export": Entry("Export the policy of a training.", "learn.export"),
+    "policy": Entry("Import and check policies of other projects."),
+    "policy import": Entry(
+        "Make a policy that was trained elsewhere run here.", "learn.foreign_policy"
     ),
-    "bench": TableEntry("Run a benchmark on the twin or on the virtual bus."),
-    "bench all": TableEntry(
-        "Measure a robot as one page that others can repeat.", module="look.bench_all"
+    "policy check": Entry(
+        "Compare an imported policy with a trace from where it was trained.", "learn.foreign_policy"
     ),
-    "bench rise": TableEntry("Rise from many settled falls.", module="look.bench_rise"),
-    "bus": TableEntry("Serve a virtual Dynamixel bus until stopped.", module="robot.bus"),
-    "first-steps": TableEntry(
-        "Lead from a port to the first rise, step by step.", module="robot.first_steps"
+    "prior": Entry("Make the pose prior of styled policies.", "learn.make_prior"),
+    "robots": Entry("List the robots, import one from a model file, check one, export one."),
+    "robots list": Entry("List the installed robots.", "robot.list_robots"),
+    "robots import": Entry("Make a robot folder from an MJCF or URDF file.", "robot.import_robot"),
+    "robots check": Entry(
+        "Check a robot's description, and what its body can do.", "robot.check_robot"
     ),
-    "doctor": TableEntry("Check a robot on its bus; moves nothing.", module="robot.doctor"),
-    "calibrate": TableEntry("Measure the zeros and signs of the servos.", module="robot.calibrate"),
-    "servo": TableEntry("Set up, read and move single servos on a port."),
-    "servo list": TableEntry(
-        "List serial ports, the devices on them, and what they measure.", module="servo.devices"
+    "robots export": Entry(
+        "Write a robot's servos and controllers for ros2_control.", "robot.export_robot"
     ),
-    "servo setup": TableEntry(
-        "Give the servos of a robot their ids, one at a time.", module="servo.address"
+    "first-steps": Entry("Lead from a port to the first rise, step by step.", "robot.first_steps"),
+    "servo": Entry("Set up, read and move single servos on a port."),
+    "servo list": Entry(
+        "List serial ports, the devices on them, and what they measure.", "servo.devices"
     ),
-    "servo id": TableEntry("Give a servo another id.", module="servo.address"),
-    "servo baud": TableEntry("Give a servo another baud rate.", module="servo.address"),
-    "servo table": TableEntry("Print all registers of a servo.", module="servo.registers"),
-    "servo read": TableEntry("Read registers of a servo.", module="servo.registers"),
-    "servo write": TableEntry("Write registers of a servo.", module="servo.registers"),
-    "servo move": TableEntry("Move a servo slowly.", module="servo.move"),
-    "servo monitor": TableEntry(
-        "Show what servos measure, and their ranges.", module="servo.devices"
-    ),
-    "servo reboot": TableEntry("Restart a servo.", module="servo.address"),
-    "servo reset": TableEntry("Set a servo to the values as shipped.", module="servo.address"),
-    "watch": TableEntry("Show a limp robot while a person turns it by hand.", module="robot.watch"),
-    "preflight": TableEntry("Check whether a motion may be played.", module="plan.preflight"),
-    "studio": TableEntry("Pose, plan and look in the browser.", module="look.studio"),
-    "replay": TableEntry("Replay a flight log and compare.", module="look.replay"),
-    "log": TableEntry("Export flight logs for other programs."),
-    "log export": TableEntry("Write a flight log as a ROS 2 bag.", module="look.export_log"),
-    "style": TableEntry("List, show, edit or extract styles of rising."),
-    "style list": TableEntry("List the named styles.", module="plan.styles"),
-    "style show": TableEntry("Print and draw the curves of styles.", module="plan.styles"),
-    "style edit": TableEntry("Raise sooner or later, slower, faster, hold.", module="plan.styles"),
-    "style extract": TableEntry(
-        "Extract a style from a motion, a flight log or a clip.", module="plan.extract_style"
-    ),
-    "mocap": TableEntry("Import clips of motion capture."),
-    "mocap import": TableEntry(
-        "Make a motion of a robot from a clip.", module="motions.import_clip"
-    ),
-    "scenes": TableEntry("List or draw the scenes.", module="plan.scenes"),
-    "robots": TableEntry("List the robots, import one from a model file, check one, export one."),
-    "robots list": TableEntry("List the installed robots.", module="robot.list_robots"),
-    "robots import": TableEntry(
-        "Make a robot folder from an MJCF or URDF file.", module="robot.import_robot"
-    ),
-    "robots check": TableEntry(
-        "Check a robot's description, and what its body can do.", module="robot.check_robot"
-    ),
-    "robots export": TableEntry(
-        "Write a robot's servos and controllers for ros2_control.", module="robot.export_robot"
-    ),
+    "servo setup": Entry("Give the servos of a robot their ids, one at a time.", "servo.address"),
+    "servo id": Entry("Give a servo another id.", "servo.address"),
+    "servo baud": Entry("Give a servo another baud rate.", "servo.address"),
+    "servo table": Entry("Print all registers of a servo.", "servo.registers"),
+    "servo read": Entry("Read registers of a servo.", "servo.registers"),
+    "servo write": Entry("Write registers of a servo.", "servo.registers"),
+    "servo move": Entry("Move a servo slowly.", "servo.move"),
+    "servo monitor": Entry("Show what servos measure, and their ranges.", "servo.devices"),
+    "servo reboot": Entry("Restart a servo.", "servo.address"),
+    "servo reset": Entry("Set a servo to the values as shipped.", "servo.address"),
+    "doctor": Entry("Check a robot on its bus; moves nothing.", "robot.doctor"),
+    "calibrate": Entry("Measure the zeros and signs of the servos.", "robot.calibrate"),
+    "watch": Entry("Show a limp robot while a person turns it by hand.", "robot.watch"),
+    "bus": Entry("Serve a virtual Dynamixel bus until stopped.", "robot.bus"),
+    "studio": Entry("Pose, plan and look in the browser.", "look.studio"),
+    "replay": Entry("Replay a flight log and compare.", "look.replay"),
+    "log": Entry("Export flight logs for other programs."),
+    "log export": Entry("Write a flight log as a ROS 2 bag.", "look.export_log"),
+    "bench": Entry("Run a benchmark on the twin or on the virtual bus."),
+    "bench all": Entry("Measure a robot as one page that others can repeat.", "look.bench_all"),
+    "bench rise": Entry("Rise from many settled falls.", "look.bench_rise"),
 }

@@ -15,11 +15,11 @@ from rich.progress import TaskID
 from rich.status import Status
 from rich.table import Table
 
-from humanoid_getup.commands.options import JobRequest
-from humanoid_getup.commands.output import STANDARD_OUTPUT, find_json_target, write_json
+from humanoid_getup.commands.files import STANDARD_OUTPUT
+from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.progress.callback import Progress, Report
 
-Request = TypeVar("Request", bound=JobRequest)
+Request = TypeVar("Request", bound=CommandRequest)
 Result = TypeVar("Result")
 SMALL_FIGURE = 0.1  # below which two decimals are too few
 ROUNDING = 1e-9  # below which a figure is 0
@@ -40,7 +40,12 @@ class PipeConsole(Console):
         raise
 
 
-def console_for(command: JobRequest | None = None) -> Console:
+def find_json_target(command: CommandRequest | None) -> str | None:
+    """Return the file of a command's JSON, "-" for standard output, ``None`` for none."""
+    return getattr(command, "json", None)
+
+
+def console_for(command: CommandRequest | None = None) -> Console:
     """Return the console for people: standard error where JSON takes standard output."""
     is_json = find_json_target(command) == STANDARD_OUTPUT
     console = PipeConsole(stderr=is_json, highlight=False)
@@ -65,7 +70,7 @@ def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
 
 @contextmanager
-def showing(command: JobRequest | None = None, *, in_lines: bool = False) -> Iterator[Report]:
+def showing(command: CommandRequest | None = None, *, in_lines: bool = False) -> Iterator[Report]:
     """Show progress on standard error, and findings to people; yield what shows them.
 
     With ``in_lines``, progress is one line, and findings are warnings on standard error.
@@ -82,14 +87,6 @@ def showing(command: JobRequest | None = None, *, in_lines: bool = False) -> Ite
         yield show_in_lines if in_lines else display.show
     finally:
         display.stop()
-
-
-def do(job: Callable[[Request, Report], Result], command: Request) -> Result:
-    """Do the job of a command, show its progress, and write its result as JSON."""
-    with showing(command) as report:
-        result = job(command, report)
-    write_json(result, command)
-    return result
 
 
 class ProgressDisplay:

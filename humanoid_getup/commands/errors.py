@@ -1,4 +1,4 @@
-"""Errors of jobs: refusal of requests."""
+"""Refusals of what a person asked for, and exit codes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+DID_IT = 0
+DID_NOT_STAND = NO_PATH = OUT_OF_MEMORY = 1
+BAD_INPUT = 2
+HARDWARE_FAULT = 3
+INTERRUPTED = 130
+CLOSED_PIPE = 141
 OWN = {"humanoid_getup", "drivers", "robots", "sim2real"}
 RAISE = dis.opmap["RAISE_VARARGS"]
 

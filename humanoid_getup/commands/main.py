@@ -11,13 +11,13 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.exit_codes import (
+from humanoid_getup.commands.errors import (
     BAD_INPUT,
     CLOSED_PIPE,
     HARDWARE_FAULT,
     INTERRUPTED,
     OUT_OF_MEMORY,
+    BadInputError,
 )
 
 SIGNALS = tuple(name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))

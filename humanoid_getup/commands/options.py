@@ -66,7 +66,7 @@ A_POLICY = "a policy is made for the original body"
 
 
 @dataclass(frozen=True, kw_only=True)
-class JobRequest:
+class CommandRequest:
     """Base of all requests."""
 
     def __post_init__(self) -> None:
@@ -90,17 +90,17 @@ class JobRequest:
             raise BadInputError("; ".join(problems))
 
 
-def accept_kind(request: object, *kinds: type[JobRequest]) -> JobRequest:
+def accept_kind(request: object, *kinds: type[CommandRequest]) -> CommandRequest:
     """Return a request of one of several kinds."""
     if isinstance(request, kinds):
         return request
-    given = f"a {type(request).__name__}" if isinstance(request, JobRequest) else repr(request)
+    given = f"a {type(request).__name__}" if isinstance(request, CommandRequest) else repr(request)
     expected = name_choices([kind.__name__ for kind in kinds])
     raise BadInputError(f"request is {given}, expected a {expected}")
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotOption(JobRequest):
+class RobotOption(CommandRequest):
     """Option for the robot."""
 
     robot: Annotated[str, ROBOT] = "op3"
@@ -108,7 +108,7 @@ class RobotOption(JobRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodyOption(JobRequest):
+class BodyOption(CommandRequest):
     """Option for the lengths of a robot's parts."""
 
     body: Annotated[str, arg(metavar="PART=FACTOR,...")] = ""
@@ -143,7 +143,7 @@ class SceneOptions(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TorqueOptions(JobRequest):
+class TorqueOptions(CommandRequest):
     """A torque limit, and what it acts on."""
 
     torque_limit: TorqueLimitValue = None
@@ -154,7 +154,7 @@ class TorqueOptions(JobRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EngineOptions(JobRequest):
+class EngineOptions(CommandRequest):
     """What runs independent pieces of work."""
 
     engine: Annotated[str, arg(metavar="local|dask|slurm[:N]")] = "local"
@@ -176,7 +176,7 @@ class EngineOptions(JobRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchBudgetOption(JobRequest):
+class SearchBudgetOption(CommandRequest):
     """Budget of a planned rise's search."""
 
     search_budget: Annotated[float, between(0.001, 1e6, "s"), arg(metavar="S")] = 600.0
@@ -203,14 +203,14 @@ JsonTarget = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class JsonOption(JobRequest):
+class JsonOption(CommandRequest):
     """Option for the results as JSON."""
 
     json: JsonTarget = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class PictureOption(JobRequest):
+class PictureOption(CommandRequest):
     """Option for a picture."""
 
     picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
@@ -218,7 +218,7 @@ class PictureOption(JobRequest):
 
 
 @cache
-def with_json(request: type[JobRequest]) -> type[JobRequest]:
+def with_json(request: type[CommandRequest]) -> type[CommandRequest]:
     """Return the options of a command: a request, with an option for JSON."""
     namespace = {"__doc__": request.__doc__}
     bases = (JsonOption, request)
@@ -226,7 +226,83 @@ def with_json(request: type[JobRequest]) -> type[JobRequest]:
     return make_dataclass(name, [], bases=bases, namespace=namespace, frozen=True, kw_only=True)
 
 
-def write_command(name: str, request: JobRequest) -> str:
+Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")]
+PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"
+NO_PORT = f"--port is missing, expected a serial port, {PORT_EXAMPLE}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BackendOptions(SceneOptions):
+    """The robot to which a command connects, simulated or real."""
+
+    backend: Literal["twin", "virtual", "dynamixel"] = "twin"
+    """MuJoCo twin, virtual servos on a virtual bus, or a robot with Dynamixel servos."""
+    port: Ports = ()
+    """Serial port; for a robot with several, NAME=PATH of each. Without it, --backend virtual
+    serves a virtual robot of its own."""
+    realtime: bool = False
+    """Run a simulated robot in real time."""
+
+    def find_problems(self) -> list[str]:
+        """Report wrong ports as well."""
+        problems = super().find_problems()
+        if self.backend == "twin" and self.port:
+            ports = ", ".join(self.port)
+            problems.append(f"--port is {ports}, expected --backend virtual or dynamixel with it")
+        if self.backend == "dynamixel" and not self.port:
+            problems.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
+        return problems
+
+    @property
+    def is_real(self) -> bool:
+        """Return whether the robot may be a real one."""
+        return bool(self.port)
+
+    @property
+    def is_realtime(self) -> bool:
+        """Return whether cycles keep the deadlines of the wall clock."""
+        return self.realtime or self.is_real
+
+
+@dataclass(frozen=True, kw_only=True)
+class OriginOption(BackendOptions):
+    """Start of a simulated robot."""
+
+    origin: Origin = None
+
+    def find_problems(self) -> list[str]:
+        """Report a start that is chosen for a real robot as well."""
+        problems = super().find_problems()
+        if self.is_real and self.origin is not None:
+            problems.append(
+                f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "
+                "lies"
+            )
+        return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions(BackendOptions):
+    """The robot that a command moves or reads, in a window."""
+
+    view: bool = False
+    """Show what the robot measures in MuJoCo's own viewer; a simulated one moves no faster than in
+    real time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServiceOptions(JsonOption, RobotOption):
+    """Options of the commands that service a robot on its bus."""
+
+    port: Ports = ()
+    """Serial port; of a robot with several, NAME=PATH of each."""
+
+    def find_problems(self) -> list[str]:
+        """Report missing ports as well."""
+        return super().find_problems() + ([] if self.port else [NO_PORT])
+
+
+def write_command(name: str, request: CommandRequest) -> str:
     """Write the command line of a request, without defaults."""
     hints = hints_of(type(request))
     words, options = ["getup", *name.split()], list[str]()

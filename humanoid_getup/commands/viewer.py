@@ -14,8 +14,8 @@ import numpy as np
 
 from drivers import Cycle, State
 from drivers.control_loop import Pacer
-from humanoid_getup.commands.backend_options import ViewOptions
 from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.options import ViewOptions
 from humanoid_getup.playback.estimation import SINKING
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World

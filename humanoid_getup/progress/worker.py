@@ -171,7 +171,7 @@ class BackgroundJob(Generic[Result]):
 
         Args:
             work: Function of a module that takes a request, ``report`` and ``cancel``, as the
-                functions of `humanoid_getup.jobs` do.
+                functions of `humanoid_getup.commands` do.
             request: Its request, which is pickled, as its result is.
             report: Called with each progress.
             ended: Called once, at the end.

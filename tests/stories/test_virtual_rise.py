@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.commands.exit_codes import HARDWARE_FAULT
+from humanoid_getup.commands.errors import HARDWARE_FAULT
 from humanoid_getup.commands.main import main
 from robots import Robot
 from robots.servo import RAD_PER_TICK

@@ -9,9 +9,15 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.commands.backend_options import OriginOption, ViewOptions
 from humanoid_getup.commands.files import READ, WRITTEN, Written
-from humanoid_getup.commands.options import A_REAL_ROBOT, NO_ORIGIN, BodyOption, TorqueOptions
+from humanoid_getup.commands.options import (
+    A_REAL_ROBOT,
+    NO_ORIGIN,
+    BodyOption,
+    OriginOption,
+    TorqueOptions,
+    ViewOptions,
+)
 
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
 STYLE = "style.png"

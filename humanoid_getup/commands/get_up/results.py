@@ -14,7 +14,7 @@ from rich.console import Console
 
 from drivers import Ending
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT, INTERRUPTED
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, HARDWARE_FAULT, INTERRUPTED
 from humanoid_getup.commands.get_up.options import (
     ARTEFACTS,
     REPORT,

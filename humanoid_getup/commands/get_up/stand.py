@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from humanoid_getup.commands.backends import open_backend
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.exit_codes import (
+from humanoid_getup.commands.errors import (
     DID_IT,
     DID_NOT_STAND,
     HARDWARE_FAULT,

@@ -15,8 +15,7 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing
 from humanoid_getup.commands.files import READ, ROBOT
 from humanoid_getup.commands.inputs import load_robot, load_world, make_torque_limit
 from humanoid_getup.commands.options import EngineOptions, PolicyName, SceneOptions, TorqueOptions

@@ -10,8 +10,7 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import needing, refusing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, needing, refusing
 from humanoid_getup.commands.files import MADE, ROBOT
 from humanoid_getup.commands.inputs import load_robot_of
 from humanoid_getup.commands.options import RobotOption

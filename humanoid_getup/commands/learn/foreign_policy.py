@@ -11,8 +11,7 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import BadInputError, needing
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError, needing
 from humanoid_getup.commands.files import READ, ROBOT, Written
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import PolicyName, RobotOption

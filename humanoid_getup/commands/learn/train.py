@@ -13,8 +13,7 @@ from rich.console import Console
 from tyro.conf import arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import BadInputError, needing, refusing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, BadInputError, needing, refusing
 from humanoid_getup.commands.files import FOLDER, READ
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import RobotOption, Seed

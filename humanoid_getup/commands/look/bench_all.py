@@ -26,8 +26,7 @@ from humanoid_getup.benchmarks.whole import (
     summarize_rises,
 )
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import refusing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, refusing
 from humanoid_getup.commands.files import Written
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.look.bench_rise import LOADS, print_figures

@@ -25,8 +25,7 @@ from humanoid_getup.benchmarks.rise import (
 )
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import format_figure, make_table
-from humanoid_getup.commands.errors import refusing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, refusing
 from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import load_world, make_torque_limit
 from humanoid_getup.commands.options import (

@@ -12,8 +12,7 @@ from tyro.conf import Positional, arg
 
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import BadInputError, needing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, BadInputError, needing
 from humanoid_getup.commands.files import FOLDER, READ, ROBOT
 from humanoid_getup.commands.inputs import load_robot_of
 from humanoid_getup.commands.options import RobotOption

@@ -15,10 +15,9 @@ from tyro.conf import Positional, arg
 from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing
 from humanoid_getup.commands.files import READ, ROBOT, Written
-from humanoid_getup.commands.options import JobRequest
+from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.values import between
 from humanoid_getup.playback.estimation import estimate_posture
@@ -46,7 +45,7 @@ FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReplayRequest(JobRequest):
+class ReplayRequest(CommandRequest):
     """Replay a flight log on the twin and report the differences."""
 
     log: Annotated[Positional[Path], READ, arg(metavar="LOG")]

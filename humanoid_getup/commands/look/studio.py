@@ -12,8 +12,7 @@ from tyro.conf import arg
 
 from humanoid_getup.commands.command import program
 from humanoid_getup.commands.console import phase
-from humanoid_getup.commands.errors import needing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, needing
 from humanoid_getup.commands.options import BodyOption, SceneOptions
 from humanoid_getup.commands.values import between
 

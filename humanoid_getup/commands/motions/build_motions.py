@@ -16,8 +16,7 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError, refusing
 from humanoid_getup.commands.inputs import find_keyframes, load_robot
 from humanoid_getup.commands.options import Count, EngineOptions, Prefer, RobotOption
 from humanoid_getup.commands.output_files import find_folder_problems

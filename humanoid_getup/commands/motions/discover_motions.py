@@ -13,8 +13,7 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError, refusing
 from humanoid_getup.commands.files import READ, ROBOT, WRITTEN
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.motions.build_motions import check_folders

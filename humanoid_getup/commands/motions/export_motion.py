@@ -11,8 +11,7 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, BadInputError
 from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.options import MotionName, RobotOption

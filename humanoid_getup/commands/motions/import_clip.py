@@ -14,8 +14,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.clips.clip_file import read_clip
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import refusing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, refusing
 from humanoid_getup.commands.files import MADE, READ
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import RobotOption

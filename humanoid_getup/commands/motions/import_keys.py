@@ -12,12 +12,11 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import needing, refusing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, needing, refusing
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.motions.build_motions import BuildRequest
-from humanoid_getup.commands.options import JobRequest, RobotOption, write_command
+from humanoid_getup.commands.options import CommandRequest, RobotOption, write_command
 from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.importing.imported_keyframes import (
@@ -38,7 +37,7 @@ MOST_PAGE = 255  # of an action file
 
 
 @dataclass(frozen=True, kw_only=True)
-class NewKeysOptions(JobRequest):
+class NewKeysOptions(CommandRequest):
     """Options for new keys."""
 
     start: Literal["supine", "prone", "left", "right", "squat", "standing"] | None = None

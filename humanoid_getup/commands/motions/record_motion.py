@@ -12,11 +12,10 @@ from tyro.conf import Positional
 from drivers import SafetyGuard
 from drivers.control_loop import Ending, RunReport, run
 from drivers.safety_limits import GuardLimits
-from humanoid_getup.commands.backend_options import ViewOptions
 from humanoid_getup.commands.backends import open_backend
 from humanoid_getup.commands.command import program
 from humanoid_getup.commands.console import console_for, showing
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
 from humanoid_getup.commands.inputs import load_world
 from humanoid_getup.commands.motions.import_keys import (
     NewKeysOptions,
@@ -24,6 +23,7 @@ from humanoid_getup.commands.motions.import_keys import (
     find_target,
     print_added,
 )
+from humanoid_getup.commands.options import ViewOptions
 from humanoid_getup.commands.viewer import viewing
 from humanoid_getup.execution.hand_recorder import HandRecorder, TerminalPresses
 from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes

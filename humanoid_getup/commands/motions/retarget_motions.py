@@ -12,7 +12,7 @@ from rich.console import Console
 from tyro.conf import arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND
 from humanoid_getup.commands.files import ROBOT
 from humanoid_getup.commands.inputs import find_keyframes, load_robot
 from humanoid_getup.commands.motions.build_motions import (

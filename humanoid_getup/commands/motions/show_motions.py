@@ -10,13 +10,11 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.console import make_table
-from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.console import find_json_target, make_table
+from humanoid_getup.commands.errors import DID_IT, BadInputError
 from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.options import BodyOption, MotionName, RobotOption
-from humanoid_getup.commands.output import find_json_target
 from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import load_database

@@ -12,8 +12,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.clips.clip_file import ACCLAIM, BVH, read_clip
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.plan.styles import StyleOutput, print_times

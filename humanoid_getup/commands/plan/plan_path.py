@@ -13,7 +13,7 @@ from rich.table import Table
 from tyro.conf import arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.exit_codes import DID_IT, NO_PATH
+from humanoid_getup.commands.errors import DID_IT, NO_PATH
 from humanoid_getup.commands.files import READ, Written
 from humanoid_getup.commands.inputs import find_start, load_keys, load_world
 from humanoid_getup.commands.options import NO_ORIGIN, BodyOption, Keys, Origin, SceneOptions

@@ -12,8 +12,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import make_table
-from humanoid_getup.commands.errors import refusing
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, refusing
 from humanoid_getup.commands.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.commands.options import BodyOption, MotionName, SceneOptions, TorqueOptions
 from humanoid_getup.commands.values import between

@@ -14,12 +14,11 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.console import make_table
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.console import find_json_target, make_table
+from humanoid_getup.commands.errors import DID_IT
 from humanoid_getup.commands.files import READ, WRITTEN
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import BodyOption, RobotOption
-from humanoid_getup.commands.output import find_json_target
 from humanoid_getup.commands.values import between
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.style_plot import save_styles

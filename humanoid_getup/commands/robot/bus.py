@@ -22,8 +22,7 @@ from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualDevices
 from humanoid_getup.commands.command import program
-from humanoid_getup.commands.errors import BadInputError, refusing, refusing_own
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing, refusing_own
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import find_start, load_robot
 from humanoid_getup.commands.options import BodyOption, SceneOptions

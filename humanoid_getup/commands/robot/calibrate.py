@@ -26,14 +26,12 @@ from drivers.service.calibrate import (
     save,
 )
 from drivers.service.session import RobotBus, open_robot_bus
-from humanoid_getup.commands.backend_options import ServiceOptions
-from humanoid_getup.commands.command import program
+from humanoid_getup.commands.command import program, write_json
 from humanoid_getup.commands.console import console_for, make_table
-from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError, refusing
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import ZERO, choose_joints, find_held_posture, name_ports
-from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.options import ServiceOptions
 from humanoid_getup.commands.prompt import open_prompt
 from robots import Joint, Posture, Robot, load_robot
 from robots.description.calibration import CALIBRATION_FILE, CalibrationError

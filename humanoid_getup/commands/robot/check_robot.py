@@ -12,7 +12,7 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND
 from humanoid_getup.commands.files import ROBOT
 from humanoid_getup.commands.options import PictureOption
 from humanoid_getup.progress.callback import ProgressMonitor

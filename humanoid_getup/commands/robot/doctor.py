@@ -16,12 +16,11 @@ from drivers.real_time_class import IS_KNOWN
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
 from drivers.state import HardwareError
-from humanoid_getup.commands.backend_options import ServiceOptions
-from humanoid_getup.commands.command import program
+from humanoid_getup.commands.command import program, write_json
 from humanoid_getup.commands.console import console_for, count_of, make_table, phase
-from humanoid_getup.commands.exit_codes import DID_IT, HARDWARE_FAULT
+from humanoid_getup.commands.errors import DID_IT, HARDWARE_FAULT
 from humanoid_getup.commands.inputs import load_robot, name_ports
-from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.options import ServiceOptions
 from robots import Joint, Robot
 
 PRIORITIZED = "the control loop goes before other programs"

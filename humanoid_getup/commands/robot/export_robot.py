@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 
 from drivers.errors import SetupError
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT
 from humanoid_getup.commands.files import FOLDER, ROBOT
 from humanoid_getup.commands.inputs import make_torque_limit
 from humanoid_getup.commands.options import TorqueOptions

@@ -13,12 +13,12 @@ from typing import Annotated, NamedTuple
 from rich.markup import escape
 from tyro.conf import arg
 
-from humanoid_getup.commands.backend_options import ServiceOptions
 from humanoid_getup.commands.command import program
 from humanoid_getup.commands.console import console_for
-from humanoid_getup.commands.exit_codes import DID_IT, INTERRUPTED
+from humanoid_getup.commands.errors import DID_IT, INTERRUPTED
 from humanoid_getup.commands.files import FOLDER
 from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.options import ServiceOptions
 from humanoid_getup.commands.prompt import open_prompt
 from humanoid_getup.commands.values import between
 from humanoid_getup.motions.motion_database import list_lying_down, list_motions, load_database

@@ -13,9 +13,9 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT
 from humanoid_getup.commands.files import READ
-from humanoid_getup.commands.options import JobRequest
+from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.progress.callback import ProgressMonitor
 from robots import load_robot
 from robots.model_import.importer import ImportOptions, import_model
@@ -26,7 +26,7 @@ PLAIN = "1 to 100 letters, digits, '_', '-' or '.', not '.' first"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImportRequest(JobRequest):
+class ImportRequest(CommandRequest):
     """Make a robot folder from a model file: its own model, and a robot.toml whose guesses are
     marked."""
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import msgspec
 
-from humanoid_getup.commands.command import program
+from humanoid_getup.commands.command import program, write_json
 from humanoid_getup.commands.console import console_for, make_table
-from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.errors import DID_IT
 from humanoid_getup.commands.options import JsonOption
-from humanoid_getup.commands.output import write_json
 from humanoid_getup.motions.motion_database import list_motions
 from robots import Robot, load_robot
 from robots import list_robots as list_names

@@ -18,14 +18,12 @@ from tyro.conf import arg
 from drivers import Command, Cycle, Ending, State
 from drivers.control_loop import run
 from drivers.safety_limits import GuardLimits
-from humanoid_getup.commands.backend_options import OriginOption, ViewOptions
 from humanoid_getup.commands.backends import CancellableGuard, open_backend
-from humanoid_getup.commands.command import command
+from humanoid_getup.commands.command import command, write_json
 from humanoid_getup.commands.console import ProgressDisplay, console_for, make_table
-from humanoid_getup.commands.exit_codes import DID_IT, HARDWARE_FAULT
+from humanoid_getup.commands.errors import DID_IT, HARDWARE_FAULT
 from humanoid_getup.commands.inputs import find_start, load_world
-from humanoid_getup.commands.options import A_REAL_ROBOT, BodyOption
-from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.options import A_REAL_ROBOT, BodyOption, OriginOption, ViewOptions
 from humanoid_getup.commands.prompt import QuitKey
 from humanoid_getup.commands.values import between
 from humanoid_getup.commands.viewer import viewing

@@ -16,12 +16,11 @@ from drivers.errors import DriverError
 from drivers.service import servo_address
 from drivers.service.calibrate import Prompt
 from drivers.service.loose_servo import LooseServo, open_bus
-from humanoid_getup.commands.backend_options import ServiceOptions
-from humanoid_getup.commands.command import program
+from humanoid_getup.commands.command import program, write_json
 from humanoid_getup.commands.console import console_for, count_of
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND
 from humanoid_getup.commands.inputs import choose_joints, load_robot, name_ports
-from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.options import ServiceOptions
 from humanoid_getup.commands.prompt import open_prompt
 from humanoid_getup.commands.servo.registers import ID, ConfirmedOptions, OneServo
 from robots import Joint, Robot

@@ -23,10 +23,9 @@ from drivers.service.loose_servo import LooseServo, find_servos, open_bus
 from drivers.service.scan import COMMON_RATES, MEASURED, PortFacts, PortScan
 from drivers.service.sweep import choose_wires
 from drivers.state import HardwareError
-from humanoid_getup.commands.command import program
+from humanoid_getup.commands.command import program, write_json
 from humanoid_getup.commands.console import console_for, count_of, make_table, phase
-from humanoid_getup.commands.exit_codes import DID_IT, HARDWARE_FAULT
-from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.errors import DID_IT, HARDWARE_FAULT
 from humanoid_getup.commands.prompt import QuitKey
 from humanoid_getup.commands.servo.registers import ID, AnyPortOptions, Baud, ServoOptions
 from humanoid_getup.commands.values import between

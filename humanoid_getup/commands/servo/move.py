@@ -16,15 +16,12 @@ from drivers.dynamixel.requests import GroupLayout
 from drivers.safety_guard import SafetyGuard
 from drivers.service.moved_servo import Move, MoveController, check_target, find_bench, make_driver
 from drivers.terminal_keys import StopKey
-from humanoid_getup.commands.backend_options import NO_PORT, Ports
-from humanoid_getup.commands.command import program
+from humanoid_getup.commands.command import program, write_json
 from humanoid_getup.commands.console import console_for, phase
-from humanoid_getup.commands.errors import refusing
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, HARDWARE_FAULT, refusing
 from humanoid_getup.commands.files import ROBOT
 from humanoid_getup.commands.inputs import choose_joints, name_ports
-from humanoid_getup.commands.options import JsonOption
-from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.options import NO_PORT, JsonOption, Ports
 from humanoid_getup.commands.prompt import is_confirmed
 from humanoid_getup.commands.servo.registers import ID, NOT_WRITTEN, Baud, Protocol
 from humanoid_getup.commands.values import between

@@ -11,12 +11,10 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from drivers.service.loose_servo import LooseServo, open_servo
-from humanoid_getup.commands.backend_options import NO_PORT
-from humanoid_getup.commands.command import program
+from humanoid_getup.commands.command import program, write_json
 from humanoid_getup.commands.console import console_for, make_table
-from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.commands.options import JsonOption
-from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.options import NO_PORT, JsonOption
 from humanoid_getup.commands.prompt import is_confirmed
 from humanoid_getup.commands.values import Range
 

@@ -8,7 +8,7 @@ import pytest
 from humanoid_getup.commands.get_up.rise import RiseRequest, rise
 from humanoid_getup.commands.learn.evaluate import EvaluateRequest, evaluate
 from humanoid_getup.commands.motions.build_motions import BuildRequest, build_motions
-from humanoid_getup.commands.options import JobRequest
+from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.commands.plan.plan_path import PlanRequest, plan
 from humanoid_getup.commands.robot.check_robot import CheckRequest, check_robot
 from humanoid_getup.progress.callback import CancelledError, Progress
@@ -39,7 +39,7 @@ class Stop:
         (plan, PlanRequest(origin="prone")),
     ],
 )
-def test_a_cancelled_job_ends_with_the_piece(job: Job, request_: JobRequest, reports: int):
+def test_a_cancelled_job_ends_with_the_piece(job: Job, request_: CommandRequest, reports: int):
     stop = Stop(reports)
     with pytest.raises(CancelledError):
         job(request_, stop.report, stop.is_wanted)

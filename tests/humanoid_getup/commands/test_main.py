@@ -19,11 +19,9 @@ from run_getup import Run
 
 from drivers.errors import DriverError
 from humanoid_getup.commands import command_line as commands
-from humanoid_getup.commands.command_line import load_work
 from humanoid_getup.commands.command_table import COMMANDS
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.main import SIGNALS, main
-from humanoid_getup.commands.options import JobRequest
 
 MOTION = "squat_to_stand"
 
@@ -182,7 +180,6 @@ def test_every_command_has_a_function_and_explains_itself_without_numpy(
         assert HEAVY & loaded[command] == set(), command
     for name in COMMANDS:
         if commands.is_command(name):
-            assert callable(load_work(name))
             usage = f"usage: getup {name} "
             assert any(each.startswith(usage) for each in loaded[f"{name} --help"]), name
 
@@ -265,12 +262,12 @@ def test_a_process_with_little_memory_says_so(tmp_path: Path):
 def test_an_interrupt_that_an_import_swallows_stops_the_program_before_it_works(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ):
-    def load(_: str) -> Callable[[JobRequest], int]:
+    def load(_: object) -> Callable[[], int]:
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-        return lambda _: 0
+        return lambda: 0
 
-    monkeypatch.setattr(commands, "load_work", load)
+    monkeypatch.setattr(commands.Invocation, "load", load)
     assert run("robots") == (130, "", "getup: interrupted\n")
 
 
@@ -278,10 +275,10 @@ def test_an_interrupt_that_an_import_swallows_stops_the_program_before_it_works(
 def test_an_error_of_no_file_and_no_output_is_its_own_text(
     run: Run, monkeypatch: pytest.MonkeyPatch, number: int | None
 ):
-    def fail(_: object) -> None:
+    def fail() -> None:
         raise OSError("no folder") if number is None else OSError(number, "no folder")
 
-    monkeypatch.setattr(commands, "load_work", lambda _: fail)
+    monkeypatch.setattr(commands.Invocation, "load", lambda _: fail)
     assert run("robots") == (2, "", "getup: no folder\n")
 
 

@@ -1,1 +1,0 @@
-"""The command line, `getup`: a folder for each section of `getup --help`."""

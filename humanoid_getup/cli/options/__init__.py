@@ -1,1 +1,0 @@
-"""Options of the commands, as dataclasses; nothing here imports anything heavy."""

@@ -1,8 +1,0 @@
-"""Exit codes of every command."""
-
-DID_IT = 0
-DID_NOT_STAND = NO_PATH = OUT_OF_MEMORY = 1
-BAD_INPUT = 2
-HARDWARE_FAULT = 3
-INTERRUPTED = 130
-CLOSED_PIPE = 141

@@ -1,1 +1,0 @@
-"""The work of commands as functions: a request in, a result out, progress, cancellation."""

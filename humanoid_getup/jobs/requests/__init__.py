@@ -1,1 +1,0 @@
-"""Requests of jobs as dataclasses; nothing here imports anything heavy."""

@@ -31,7 +31,6 @@ from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.servo_physics import HandledRobot, RemoteBoard, RemoteServo, ServoPhysics
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from robots.imu import SensorAxes
 
 LONGEST_START = 60.0  # s
 LONGEST_REPLY = 10.0  # s
@@ -226,10 +225,9 @@ class RealTimeRobot(HandledRobot):
         robot = self.simulation.robot
         if robot.imu is None or not robot.imu.has_own_line:
             return
-        axes = SensorAxes.of(robot.imu.axes)
 
         def sense() -> None:
-            self._reading = ImuReading.of(self.simulation, axes, self.physics.time)
+            self._reading = ImuReading.of(self.simulation, self.physics.time)
 
         self.simulation.on_sensor_update.append(sense)
         sense()

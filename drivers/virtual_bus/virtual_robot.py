@@ -19,7 +19,7 @@ from drivers.virtual_bus.imu.virtual_imu import ImuReading
 from drivers.virtual_bus.serving.fault_injector import Physics
 from drivers.virtual_bus.servo_physics import HandledRobot, ServoPhysics
 from robots import Robot
-from robots.imu import ImuSettings, SensorAxes
+from robots.imu import ImuSettings
 
 FIRMWARE = 46
 
@@ -114,8 +114,7 @@ class VirtualRobot(VirtualDevices, HandledRobot):
         super().__init__(simulation.robot, firmware=firmware, powered=powered, quirks=quirks)
         self.simulation = simulation
         self.physics: ServoPhysics = ServoPhysics(simulation, self.servos, self.board)
-        if self.robot.imu is not None and self.imu is not None:
-            self._imu_axes = SensorAxes.of(self.robot.imu.axes)
+        if self.imu is not None:
             simulation.on_sensor_update.append(self._sense_imu)
             self._sense_imu()
 
@@ -130,7 +129,7 @@ class VirtualRobot(VirtualDevices, HandledRobot):
 
     def _sense_imu(self) -> None:
         if self.imu is not None:
-            self.imu.sense(ImuReading.of(self.simulation, self._imu_axes, self.physics.time))
+            self.imu.sense(ImuReading.of(self.simulation, self.physics.time))
             self.on_imu_update()
 
 

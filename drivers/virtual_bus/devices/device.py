@@ -159,7 +159,9 @@ class VirtualDevice:
         if instruction == Instruction.READ:
             if is_broadcast or level < READ_LEVEL:
                 return None
-            error, data = self._handle_read(params)
+            error, data = ErrorNumber.DATA_LENGTH, b""
+            if len(params) == 4:
+                error, data = self.read(*struct.unpack("<HH", params))
             return Status(device_id, error | alert, data, alarms)
         handler = self._handlers.get(instruction)
         error = handler(params) if handler else ErrorNumber.INSTRUCTION
@@ -215,11 +217,6 @@ class VirtualDevice:
         firmware = self.registers["firmware_version"]
         return struct.pack("<HB", self.registers["model_number"], firmware)
 
-    def _handle_read(self, params: bytes) -> tuple[int, bytes]:
-        if len(params) != 4:
-            return ErrorNumber.DATA_LENGTH, b""
-        return self.read(params[0] | params[1] << 8, params[2] | params[3] << 8)
-
     def _handle_write(self, params: bytes) -> int:
         if len(params) < 3:
             return ErrorNumber.DATA_LENGTH
@@ -230,10 +227,9 @@ class VirtualDevice:
             return ErrorNumber.DATA_LENGTH
         address, data = params[0] | params[1] << 8, params[2:]
         error, _, _ = self._check_write(address, data)
-        if error:
-            return error
-        self._store_write((address, data))
-        return ErrorNumber.NONE
+        if not error:
+            self._store_write((address, data))
+        return error
 
     def _handle_action(self, _params: bytes) -> int:
         if self._stored is None:

@@ -28,8 +28,10 @@ class ImuReading:
     """Sensor frame to world, w x y z, shape (4,)."""
 
     @classmethod
-    def of(cls, simulation: Simulation, axes: SensorAxes, time: float) -> ImuReading:
-        """Measure a simulated robot at a bus time [s]."""
+    def of(cls, simulation: Simulation, time: float) -> ImuReading:
+        """Measure a simulated robot, whose IMU has a line of its own, at a bus time [s]."""
+        assert simulation.robot.imu is not None
+        axes = SensorAxes.of(simulation.robot.imu.axes)
         site = simulation.model.site(simulation.robot.require_imu_site()).id
         site_in_world = quaternion.from_matrix(simulation.data.site_xmat[site])
         return cls(

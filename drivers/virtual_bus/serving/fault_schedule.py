@@ -77,18 +77,17 @@ def _start_line_fault(fault: ScheduledFault, faults: FaultInjector) -> None:
         faults.set_rate(kind, fault.rate)
 
 
-def _end_line_fault(fault: ScheduledFault, faults: FaultInjector) -> None:
-    if fault.rate is not None:
-        faults.set_rate(LineFault(fault.kind), 0.0)
-
-
 def _line_kind(fault: LineFault) -> InjectableFault:
+    def end(scheduled: ScheduledFault, faults: FaultInjector) -> None:
+        if scheduled.rate is not None:
+            faults.set_rate(fault, 0.0)
+
     takes = ("rate", "count", "for")
     if fault not in (LineFault.LOSE_REQUEST, LineFault.FLIP_REQUEST, LineFault.ECHO):
         takes += ("id",)
     if fault in (LineFault.LATE, LineFault.SPLIT):
         takes += ("seconds",)
-    return InjectableFault(start=_start_line_fault, end=_end_line_fault, takes=takes)
+    return InjectableFault(start=_start_line_fault, end=end, takes=takes)
 
 
 def _kind(

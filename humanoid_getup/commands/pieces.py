@@ -38,7 +38,7 @@ def make_worker_request(kind: type[Request], request: Request, **changes: Any) -
     """Make the request that workers get: of the class that they know, with absolute paths.
 
     Args:
-        kind: A class of `jobs.requests`; a command line's request is of one made from it.
+        kind: Its class; the request of a command line is of one made from that.
         request: The request.
         changes: Fields that no result depends on, as workers get them.
     """

@@ -170,8 +170,8 @@ class BackgroundJob(Generic[Result]):
         """Start; ``report`` and ``ended`` are called in threads of this job.
 
         Args:
-            work: Function of a module that takes a request, ``report`` and ``cancel``, as the
-                functions of `humanoid_getup.commands` do.
+            work: Function of a module that takes a request, ``report`` and ``cancel``, as commands
+                do.
             request: Its request, which is pickled, as its result is.
             report: Called with each progress.
             ended: Called once, at the end.

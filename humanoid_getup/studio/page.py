@@ -156,7 +156,7 @@ class Page:
         """Run a job in the background; its end is answered as a callback.
 
         Args:
-            work: Function of a module of `humanoid_getup.commands`.
+            work: A command, or a function like one.
             request: Its request.
             ended: Called with its result; a job that failed or was cancelled is told on the page.
             over: Called at the end of any job, however it ended.

@@ -95,8 +95,23 @@ def benchmark(request: BenchRise, monitor: ProgressMonitor) -> RiseBench:
     monitor.begin("loading")
     planner = make_planner(request)
     world, limit = planner.world, planner.torque_limit
+    conditions: dict[str, Any] = {
+        "seed": request.seed,
+        "torque_limit_nm": limit.value,
+        "limit_by": limit.by,
+        "versions": Versions.find(request.robot),
+        "planning": request.planning,
+        "filtering": request.filtering,
+        "assistance": request.assistance,
+        "prefer": request.prefer,
+        "search_budget_s": request.search_budget,
+    }
     with refusing():
-        ledger = _open_ledger(request, planner)
+        ledger = None
+        if request.ledger is not None:
+            world_hash = hashlib.sha256(world.content).hexdigest()
+            start = Ledger.resume if request.resume else Ledger
+            ledger = start(request.ledger, {"world": world_hash, "n": request.n, **conditions})
         rng = np.random.default_rng(request.seed)
         falls = sample_falls(world, dict.fromkeys(BENCH_CLASSES, request.n), rng)
     # An unfiltered path is played to see whether it stands.
@@ -119,22 +134,14 @@ def benchmark(request: BenchRise, monitor: ProgressMonitor) -> RiseBench:
         )
     rises = [*found.values()]
     return RiseBench(
-        seed=request.seed,
         n=len(rises),
         robot=world.robot.name,
         body=str(world.robot.body),
         scene=world.scene.name,
-        torque_limit_nm=limit.value,
-        limit_by=limit.by,
-        versions=Versions.find(request.robot),
-        planning=request.planning,
-        filtering=request.filtering,
-        assistance=request.assistance,
-        prefer=planner.prefer,
-        search_budget_s=planner.search_budget,
         classes=summarize_classes(rises, BENCH_CLASSES),
         all=RiseSummary.of(rises),
         rises=rises,
+        **conditions,
     )
 
 
@@ -179,24 +186,3 @@ def plan_rise(request: BenchRise, piece: RisePiece) -> MeasuredRise:
 
 
 _get_planner = lru_cache(maxsize=1)(partial(make_planner, threads=1))
-
-
-def _open_ledger(request: BenchRise, planner: PlannedRise) -> Ledger | None:
-    """Open the ledger of a request, if it names one."""
-    if request.ledger is None:
-        return None
-    recipe = {
-        "world": hashlib.sha256(planner.world.content).hexdigest(),
-        "torque_limit_nm": planner.torque_limit.value,
-        "limit_by": planner.torque_limit.by,
-        "planning": request.planning,
-        "filtering": request.filtering,
-        "assistance": request.assistance,
-        "prefer": request.prefer,
-        "search_budget_s": request.search_budget,
-        "seed": request.seed,
-        "n": request.n,
-        "versions": Versions.find(request.robot),
-    }
-    start = Ledger.resume if request.resume else Ledger
-    return start(request.ledger, recipe)

@@ -39,22 +39,20 @@ def flight(swing: Path) -> ReplayedFlight:
     return replayed(swing)
 
 
-def test_the_job_has_what_the_command_prints_and_writes(
+def test_the_function_has_what_the_command_prints_and_writes(
     swing: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    flight = replayed(swing, out=tmp_path / "job")
+    flight = replayed(swing, out=tmp_path / "function")
     words = ["replay", str(swing), "--robot", str(TINY), "--out", str(tmp_path / "command")]
     assert main([*words, "--json", "-"]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert printed == json.loads(to_json(flight.describe()))
-    assert main(words) == 0
-    lines = capsys.readouterr().out
-    assert lines.startswith(flight.report.headline)
-    assert flight.record.describe() in lines
+    printed = capsys.readouterr()
+    assert json.loads(printed.out) == json.loads(to_json(flight.describe()))
+    assert printed.err.startswith(flight.report.headline)
+    assert flight.record.describe() in printed.err
     names = [path.name for path in flight.written]
     assert names == [name for name in REPLAY_FILES if name != "style.png"]
     for name in names:
-        written = tmp_path / "job" / name, tmp_path / "command" / name
+        written = tmp_path / "function" / name, tmp_path / "command" / name
         assert written[0].read_bytes() == written[1].read_bytes(), name
 
 

@@ -70,7 +70,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "humanoid_getup/planning/posture_space.py": (f"{_PLANNING}/test_posture_space.py",),
     "humanoid_getup/planning/refinement.py": (f"{_PLANNING}/test_refinement.py",),
     "humanoid_getup/motions/posture_metric.py": (
-        "tests/humanoid_getup/motions/test_posture_metric.py",
+        "tests/humanoid_getup/motions/test_motion_database.py",
     ),
     "humanoid_getup/filtering/dynamics_filter.py": (
         "tests/humanoid_getup/filtering/test_dynamics_filter.py",

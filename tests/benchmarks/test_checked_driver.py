@@ -61,14 +61,3 @@ def test_targets_out_of_range_count_while_torque_is_on(virtual: VirtualRobot, ti
     trace = trace_of(virtual, *[(0.1 * k, ON, beyond) for k in range(3)])
     trace.snapshots = [replace(s, ticks=np.array([0.0, beyond])) for s in trace.snapshots]
     assert trace.count_beyond_limits() == 0
-
-
-def test_every_run_of_physics_is_one_snapshot(tiny: Robot):
-    virtual = VirtualRobot(Simulation(World(tiny)), powered=True)
-    trace = ServoTrace(virtual.physics)
-    for _ in range(3):
-        virtual.physics.pass_period()
-    times = [snapshot.time for snapshot in trace.snapshots]
-    assert times == pytest.approx(np.arange(1, 4) * tiny.control_period)
-    assert not any(snapshot.torque_on.any() for snapshot in trace.snapshots)
-    np.testing.assert_allclose(trace.snapshots[0].ticks, 0.0, atol=2 * RAD_PER_TICK)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from benchmark_scripts import load_script
 from paths import SHARED
-from tiny_policies import state_of
 
-from robots import TorqueLimit, quaternion
+from robots import TorqueLimit
 
 PEERS = SHARED / "peers"
 pytestmark = pytest.mark.skipif(not PEERS.exists(), reason="needs the maker's pages in ../shared")
@@ -39,29 +38,6 @@ def test_a_joint_that_keeps_its_direction_does_not_stop_at_a_step(peer):
     speed = (targets(1.001) - targets(0.999)) / 0.002
     assert speed[0] == pytest.approx(1.0, abs=0.01)  # goes on
     assert speed[1] == pytest.approx(0.0, abs=0.01)  # reverses
-
-
-def test_a_robot_that_rolls_over_on_its_way_to_the_stance_plays_the_other_page(peer, op3, world):
-    plan = peer.KeyframeRise(PEERS, world, TorqueLimit()).plan(None, None)
-    player = peer.KeyframePlayer(world, plan.stance, plan.pages, None)
-    start = plan.stance + 0.3
-    player.reset(lie(op3, world, start, time=0.0, chest=1.0))  # 0.3 rad at 1.5 rad/s: 0.2 s
-    begin = player.step(lie(op3, world, start, time=0.0, chest=1.0)).joint_pos
-    np.testing.assert_allclose(begin, start)
-    half = player.step(lie(op3, world, start, time=0.1, chest=1.0)).joint_pos
-    np.testing.assert_allclose(half, plan.stance + 0.15)
-    player.step(lie(op3, world, plan.stance, time=0.2, chest=-1.0))  # by now it lies prone
-    page = plan.pages["prone"]
-    end = player.step(lie(op3, world, plan.stance, time=0.2 + page.time[-1], chest=-1.0)).joint_pos
-    np.testing.assert_allclose(end, page.joint_pos[-1])
-    assert not player.done
-
-
-def lie(op3, world, joint_pos, *, time, chest):
-    """Measure a robot that lies still, its chest up (1) or down (-1)."""
-    torso = np.array([np.sqrt(0.5), 0.0, -chest * np.sqrt(0.5), 0.0])
-    imu = quaternion.multiply(torso, world.model.site(op3.imu_site).quat)
-    return state_of(op3, time, joint_pos=joint_pos, orientation=imu)
 
 
 @pytest.mark.slow  # half a minute

@@ -55,17 +55,6 @@ def test_a_body_without_motions_is_counted_with_honest_zeros(repository: Reposit
     assert json.loads(file.read_text()) == result
 
 
-def test_drawn_starts_lie_at_rest_under_their_joints(repository: Repository):
-    options = BodyOptions(folder=repository.folder, robots=repository.robots)
-    body = rise_on_bodies.BenchedBody(options, NAME)
-    falls, robot = body.draw_starts(9, seed=1), body.world.robot
-    assert len(falls) == 5  # all that there are
-    for fall in falls:
-        angles = fall.posture.joint_pos
-        assert np.all((robot.lower - 0.05 < angles) & (angles < robot.upper + 0.05))
-        assert fall.posture.position[2] < 0.2
-
-
 @dataclass(frozen=True)
 class Runs:
     command: str

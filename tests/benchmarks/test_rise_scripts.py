@@ -43,6 +43,7 @@ def test_every_way_rises_from_the_falls_of_a_scene(tmp_path: Path):
     assert len({rise["start_class"] for rise in result["rises"][:4]}) == 1  # prone over a beam
 
 
+@pytest.mark.slow
 def test_falls_on_rough_ground_have_grounds_of_their_own(op3):
     falls = [*rise_in_scenes.list_scene_falls(op3, "rough:easy", 5, 3)]
     first, second = seed_grounds("rough:easy", 2, 3)

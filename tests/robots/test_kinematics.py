@@ -1,4 +1,6 @@
-"""Kinematics of a robot: against MuJoCo's own, and laws of mirroring and of frames."""
+"""Kinematics of a robot against MuJoCo's own, and laws of mirroring and of frames."""
+
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -99,3 +101,16 @@ def test_gravity_is_sensed_in_the_torso_however_the_imu_is_mounted(
     assert quaternion.angle_between(
         torso_orientation(op3, world.model, own), torso
     ) == pytest.approx(0.0, abs=1e-6)
+
+
+UNSTABLE = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+
+
+def test_a_simulation_that_diverges_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    model = mujoco.MjModel.from_xml_string(UNSTABLE)
+    data = mujoco.MjData(model)
+    data.qvel[0] = 1e300
+    mujoco.mj_step(model, data)
+    assert data.warning.number.sum() == 1
+    assert list(tmp_path.iterdir()) == []

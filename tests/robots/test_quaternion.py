@@ -54,14 +54,6 @@ def test_gravity_and_tilt_do_not_know_the_yaw(q, yaw):
     assert quaternion.tilt(q) == pytest.approx(math.acos(np.clip(matrix(q)[2, 2], -1, 1)), abs=1e-6)
 
 
-def test_many_quaternions_are_handled_as_one():
-    rng = np.random.default_rng(0)
-    p, q = quaternion.normalize(rng.normal(size=(2, 5, 4)))
-    t = rng.uniform(size=5)
-    each = [quaternion.slerp(a, b, s) for a, b, s in zip(p, q, t, strict=True)]
-    assert quaternion.slerp(p, q, t) == pytest.approx(np.stack(each))
-
-
 SHARES = st.floats(-1.0, 2.0)
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from robots import FULL_TORQUE, Robot, Servo, TorqueLimit
 from robots.description.servo_catalog import servo_models
 from robots.drive import Drive, limit_servos
-from robots.servo import CURRENT, PWM, RAD_PER_TICK, count_pwm, round_pwm
+from robots.servo import RAD_PER_TICK, count_pwm, round_pwm
 
 XM430 = servo_models()["XM430-W350"]
 servos = st.builds(
@@ -76,16 +76,6 @@ def drive_torque(robot, drive: Drive, voltage: float, velocity: float, error: fl
 def test_the_compiled_motor_keeps_the_torque_speed_line(op3, voltage, velocity, error, torque):
     full = limit_servos(op3, op3.max_torque, "pwm")
     assert drive_torque(op3, full, voltage, velocity, error) == pytest.approx(torque, abs=1e-3)
-
-
-def test_gains_of_many_supplies_come_at_once(op3):
-    halves = np.full((2, op3.n), 0.5)
-    both = limit_servos(op3, 2.0, np.array([[CURRENT], [PWM]]), gain_scale=halves)
-    many = both.gains(op3, np.array([11.0, 12.0]))
-    assert many.shape == (2, op3.n, 10)
-    one = limit_servos(op3, 2.0, "pwm", gain_scale=halves[0])
-    assert np.array_equal(many[1], one.gains(op3, 12.0))
-    assert np.array_equal(both.torque[1], one.torque)
 
 
 @pytest.mark.parametrize(

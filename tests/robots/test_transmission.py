@@ -13,17 +13,7 @@ from robots import Robot, load_robot
 from robots.drive import Drive
 from robots.transmission import Coupling, Transmission
 
-GEARS = st.lists(st.floats(0.1, 10.0), min_size=2, max_size=2).map(np.array)
 PAIRS = st.lists(st.floats(-5.0, 5.0), min_size=2, max_size=2).map(np.array)
-
-
-@given(gear=GEARS, angle=PAIRS, stiffness=PAIRS)
-def test_a_gain_at_the_joint_is_a_gain_at_the_servo_seen_through_the_gear(gear, angle, stiffness):
-    transmission = Transmission(gear)
-    assert transmission.motion_at_actuator(transmission.to_servo(angle)) == pytest.approx(angle)
-    servo_torque = stiffness * transmission.to_servo(angle)
-    at_joint = transmission.gain_at_actuator(stiffness) * angle
-    assert at_joint == pytest.approx(transmission.torque_at_actuator(servo_torque))
 
 
 def build_with_mujocos_gears(robot: Robot, tiny: Robot) -> mujoco.MjModel:
@@ -198,15 +188,6 @@ def test_a_torque_limit_holds_at_the_servos_of_a_differential(coupled: Robot):
             strongest = np.maximum(strongest, np.abs(twin.truth.joint_torque))
     assert np.all(strongest <= 0.5)
     assert np.all(strongest > 0.5 - 2.0 * count)
-
-
-def test_targets_lead_and_lag_by_the_servos_own_laws(coupled: Robot):
-    torque, speed = np.array([0.3, -0.2]), np.array([1.0, 0.5])
-    A, stiffness = coupled.couplings[0].matrix, float(coupled.position_gain[0])
-    assert A.T @ (stiffness * A @ coupled.compute_lead(torque)) == pytest.approx(torque)
-    # Both servos are of one type, so that the pair lags as each of them does.
-    lag = coupled.torque_speed_slope[0] / stiffness
-    assert coupled.compute_lag(speed) == pytest.approx(lag * speed)
 
 
 def test_a_coupling_is_read_from_a_robots_file(own_robot, coupled: Robot):

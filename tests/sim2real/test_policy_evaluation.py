@@ -1,19 +1,30 @@
-"""Evaluation of policies: what they see and do, and diverged physics is no stand."""
+"""Evaluation of policies: what they see and do, on other robots and in other physics."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from policy_functions import remember_actions
+from records import make_record
 
-from humanoid_getup.policy.action import ActionSpec, build_posture_spec
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.running_outcome import RunningOutcome
+from humanoid_getup.experiments.starts.falls import Fall
+from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_actions
 from humanoid_getup.policy.observation import StyleInput, list_terms
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.style.style_file import load_any_style
+from robots import Robot, load_robot
 from robots.kinematics import place
+from sim2real import perturbations
 from sim2real.environment.env_options import ObservationNoise
+from sim2real.environment.physics.model_variants import MODEL_VARIANTS
 from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts, roll_out_policy
+from sim2real.environment.physics.training_world import build_training_world
+from sim2real.perturbations import Perturbation, PolicyTrial, make_parameters, summarize_rollouts
+from sim2real.policy_evaluation import PolicyDriver, PolicyFigures, PolicyRollouts, roll_out_policy
 
 
 def idle(action: ActionSpec) -> Callable[[np.ndarray], np.ndarray]:
@@ -114,3 +125,95 @@ def test_a_robot_that_restarts_on_other_curves_has_no_memory(op3, world, falls):
     assert rollouts.restarts.sum() >= 2
     blank = np.array(memory[1:]) == 0.0  # (steps, 4)
     assert blank.sum(axis=0).tolist() == rollouts.restarts.tolist()
+
+
+SHORT = 3.5  # s: a held stand and a little
+SIZE = choose_actions(load_robot("op3"), wide=True).size
+
+
+@remember_actions
+def do_nothing(observations: np.ndarray) -> np.ndarray:
+    return np.zeros((len(observations), SIZE))
+
+
+def try_idle(op3: Robot, action: ActionSpec, **options: Any) -> PolicyTrial:
+    policy = PolicyDriver(action=action, act=do_nothing)
+    return PolicyTrial(robot=op3, policy=policy, threads=1, **options)
+
+
+@pytest.mark.parametrize("physics", [None, *MODEL_VARIANTS])
+def test_a_robot_that_stands_and_does_nothing_stands_in_any_physics(
+    op3: Robot, action: ActionSpec, physics: str | None
+):
+    trial = try_idle(op3, action, perturbation=Perturbation(physics=physics), duration=SHORT)
+    record = trial.run([op3.standing] * 2)
+    assert record.outcome.stood.all()
+    assert (record.outcome.stand_time <= 0.3).all()
+    assert (record.outcome.standing_speed < 0.05).all()
+    assert (record.outcome.head_impact == 0.0).all()
+
+
+def test_a_perturbation_is_in_the_model(op3: Robot, action: ActionSpec):
+    """One servo at 60 %, a random one in every robot."""
+    world = build_training_world(op3, FLAT_SCENE, 0.002)
+    sim = TrainingSim(world, 8, cycles=action.cycles, threads=1)
+    trial = Perturbation(weak_servo=0.6, mass=1.15, voltage=10.5, friction=0.3, imu_tilt=0.1)
+    parameters = make_parameters(world, 8, trial, np.random.default_rng(0))
+    assert (np.sort(parameters.strength, axis=1)[:, :2] == [0.6, 1.0]).all()
+    assert len(set(parameters.strength.argmin(axis=1))) > 2
+    sim.set_parameters(np.arange(8), parameters)
+    mass = sim.batch.expand("body_mass").sum(axis=1)
+    assert mass == pytest.approx(1.15 * world.model.body_mass.sum())
+    assert np.linalg.norm(parameters.imu_tilt, axis=1) == pytest.approx(0.1)
+
+
+def conclude(op3: Robot, made: Record) -> PolicyFigures:
+    """Judge a record of N robots without style."""
+    outcome, n = RunningOutcome(op3), len(made.cycles)
+    outcome.add(made)
+    nothing, none = np.full((n, 3), np.nan), np.zeros(n, dtype=int)
+    return PolicyFigures(outcome=outcome.conclude(), style_error=nothing, restarts=none)
+
+
+def test_figures_count_by_class(op3: Robot):
+    """Three robots of 4 s at 2 Hz: one stands from 0.5 s on, one falls, one never stands."""
+    upright = np.array([[0, 1, 1, 1, 1, 1, 1, 1], [1] * 7 + [0], [0] * 8], dtype=bool)
+    torque = np.full((3, 8, op3.n), 2.0)
+    torque[0, 2:] = 100.0  # after its stand began
+    touch = np.zeros((3, 8), dtype=bool)
+    touch[:, 1:] = True
+    made = make_record(
+        op3,
+        (3, 8),
+        0.5,
+        upright=upright,
+        torque=torque,
+        joint_vel=np.ones((3, 8, op3.n)),
+        head_touch=touch,
+        head_speed=np.array([[0.0], [1.5], [0.5]]) * np.eye(8)[0],
+    )
+    record = conclude(op3, made)
+    falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
+    figures = summarize_rollouts(falls, record, ("prone", "left"))
+    assert [figures.classes[kind].stood for kind in ("prone", "left")] == [1, 0]
+    assert figures.all.n == 3
+    assert figures.all.stand_time_s.median == 1.0  # end of the first good sample
+    assert figures.all.head_impact_m_s.median == 0.5
+    assert figures.all.rms_torque_nm.median == pytest.approx(2.0)
+    assert figures.classes["left"].rms_torque_nm.median is None  # it did not get up
+    assert figures.all.standing_joint_speed_rad_s.median == pytest.approx(1.0)
+
+
+def test_robots_are_simulated_in_chunks_and_joined(
+    op3: Robot, action: ActionSpec, monkeypatch: pytest.MonkeyPatch
+):
+    reports = []
+    trial = try_idle(op3, action, duration=0.2)
+    starts = [op3.standing] * 3
+    whole = trial.run(starts)
+    monkeypatch.setattr(perturbations, "CHUNK", 2)
+    joined = trial.run(starts, reports.append)
+    assert reports == [2, 1]
+    for name in ("qpos", "target", "features", "style_error", "restarts"):
+        np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name))
+    np.testing.assert_array_equal(joined.outcome.head_impact, whole.outcome.head_impact)

@@ -14,7 +14,7 @@ pytest.importorskip("viser")
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
-from humanoid_getup.studio.edit_keys import KeyEditor, store_keyframes
+from humanoid_getup.studio.edit_keys import KeyEditor
 from robots import Robot
 
 if TYPE_CHECKING:
@@ -142,21 +142,6 @@ def test_a_key_that_is_inserted_and_deleted_leaves_the_others_and_two_mirrors_th
     shorter = editor.delete(longer, after + 1)
     np.testing.assert_array_equal(shorter.keys, motion.keys)
     assert np.all(shorter.duration >= motion.duration)
-
-
-@given(place=places)
-def test_an_edited_motion_survives_its_file(
-    op3: Robot, motions: list[Keyframes], place: int, tmp_path_factory: pytest.TempPathFactory
-):
-    editor, file = KeyEditor(robot=op3), tmp_path_factory.mktemp("keys") / "mine.toml"
-    edited = editor.put(editor.mirror(motions[place]), 0, motions[0].keys[0])
-    for keyframes in (motions[place], edited, editor.put(edited, 0, motions[1].keys[0])):
-        store_keyframes(file, keyframes, op3)
-        found = {each.name: each for each in load_keyframes(file, op3)}[keyframes.name]
-        assert_same(found, keyframes)
-        np.testing.assert_array_equal(found.free, keyframes.free)
-        np.testing.assert_array_equal(found.mirrored, keyframes.mirrored)
-    assert len(load_keyframes(file, op3)) == 2
 
 
 def test_the_stance_at_the_end_of_a_rise_is_not_a_key_to_change(

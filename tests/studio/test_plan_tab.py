@@ -82,22 +82,17 @@ def test_the_pose_says_that_the_scene_shows_something_else_and_takes_it_over(bro
         np.testing.assert_allclose(studio.page.start.joint_pos, take.qpos[-1, layout.qpos])
 
 
-def test_a_plan_that_is_cancelled_ends_at_once(browser: "Browser"):
-    with open_studio(browser) as (studio, window):
-        plan_a_rise(window)
-        window.see("Plan:")
-        window.click("Cancel")
-        window.see("Cancelled.")
-        assert studio.timeline.take is None
-        assert not any(job.is_running for job in studio.page.jobs)
-
-
-def test_a_window_that_is_closed_ends_what_it_began(browser: "Browser"):
+@pytest.mark.parametrize("by", ["Cancel", "closing the window"])
+def test_a_plan_that_is_cancelled_ends_at_once(browser: "Browser", by: str):
     with open_studio(browser) as (studio, window):
         plan_a_rise(window)
         window.see("Plan:")
         (job,) = studio.page.jobs
-        window.page.close()
+        if by == "Cancel":
+            window.click("Cancel")
+            window.see("Cancelled.")
+            assert studio.timeline.take is None
+        else:
+            window.page.close()
         end = job.wait(60.0)
-        assert end is not None
-        assert end.cancelled
+        assert end is not None and end.cancelled

@@ -108,15 +108,6 @@ def test_soles_stay_under_a_dragged_torso_whether_it_arrives_or_not(
         assert is_within_limits(robot, found)
 
 
-@pytest.mark.parametrize("share", [0.02, 0.1])
-def test_a_torso_is_lowered_over_its_feet(reach: Reach, share: float):
-    robot = reach.robot
-    down = np.array([0.0, 0.0, -share * robot.standing_neck_height])
-    target = move(reach.locate(robot.standing, "torso"), down)
-    drag = Drag(reach, robot.standing, "torso", mirrored=False, feet_stay=True)
-    assert measure_miss(reach, drag.finish(target), "torso", target) < MILLIMETER
-
-
 @settings(max_examples=15)
 @given(limb=limbs, seed=seeds)
 def test_a_mirrored_drag_leaves_a_symmetric_robot(reach: Reach, limb: str, seed: int):

@@ -1,4 +1,4 @@
-"""What a policy's numbers become: joint targets within limits, reach and lead."""
+"""What a policy sees, and what its numbers become: joint targets within limits, reach and lead."""
 
 from dataclasses import replace
 
@@ -16,7 +16,13 @@ from humanoid_getup.policy.action import (
     choose_actions,
     next_target,
 )
-from humanoid_getup.policy.observation import VECTOR
+from humanoid_getup.policy.observation import (
+    VECTOR,
+    Sensed,
+    compute_torque_share,
+    list_terms,
+    observe,
+)
 from robots import Robot, load_robot
 
 OP3 = load_robot("op3")
@@ -77,30 +83,18 @@ def test_a_joint_that_comes_home_can_be_held_off_when_fallen_but_not_for_good_wh
         assert target[joint] - home[joint] == pytest.approx(spread, abs=0.2)
 
 
-@pytest.mark.parametrize(
-    ("mode", "wanted"),
-    [
+def test_a_number_is_added_to_what_the_mode_says():
+    one = np.ones(OP3.n)
+    spec = replace(SPEC, names=("hinge",), directions=one[None], scale=0.1 * one, reach=one)
+    spec = replace(spec, lead=0.6, home=0.25 * one, homing=0.0 * one)
+    for mode, wanted in (
         (ActionMode.RATE, 0.30 + 0.05),  # the last target and a half of 0.1
         (ActionMode.OFFSET, 0.20 + 0.05),  # the measured angle and a half of 0.1
         (ActionMode.ABSOLUTE, 0.25 + 0.05),  # home and a half of 0.1
-    ],
-)
-def test_a_number_is_added_to_what_the_mode_says(mode: ActionMode, wanted: float):
-    one = np.ones(OP3.n)
-    spec = ActionSpec(
-        mode=mode,
-        names=("hinge",),
-        directions=one[None],
-        scale=0.1 * one,
-        reach=one,
-        lead=0.6,
-        pwm_limit=1.0,
-        home=0.25 * one,
-        homing=0.0 * one,
-        calm=StanceScaling(tilt=0.5, away=0.5, least=0.2),
-    )
-    following = next_target(OP3, spec, 0.3 * one, 0.2 * one, SUPINE, np.array([0.5]))
-    assert following == pytest.approx(np.clip(wanted, OP3.lower, OP3.upper))
+    ):
+        made = replace(spec, mode=mode)
+        following = next_target(OP3, made, 0.3 * one, 0.2 * one, SUPINE, np.array([0.5]))
+        assert following == pytest.approx(np.clip(wanted, OP3.lower, OP3.upper))
 
 
 def test_rates_slow_down_upright_and_near_home():
@@ -141,3 +135,31 @@ def test_a_policy_step_is_cut_into_equal_parts_that_end_at_the_target():
     assert parts[0].tolist() == [1.25, -0.25] and parts[-1].tolist() == [2.0, -1.0]
     assert np.diff(parts, axis=0) == pytest.approx(np.diff(parts, axis=0)[:1].repeat(3, axis=0))
     assert between(begin, end, np.arange(4)[:, None], 4).tolist() == np.array(parts).tolist()
+
+
+NARROW = build_action_spec(OP3, OP3.rising_joints, ("l_knee",))
+
+
+def test_a_torque_limit_is_observed_as_a_share_and_no_more_than_the_policy_asks_for():
+    limits = np.array([2.05, 4.1, 9.0])
+    assert compute_torque_share(OP3, NARROW, limits).tolist() == [[0.5], [1.0], [1.0]]
+    assert compute_torque_share(OP3, NARROW, np.inf).tolist() == [1.0]
+    gentle = replace(NARROW, pwm_limit=0.55)
+    assert compute_torque_share(OP3, gentle, limits).tolist() == [[0.5], [0.55], [0.55]]
+
+
+def test_every_term_is_where_the_list_says():
+    n, k = OP3.n, NARROW.size
+    sensed = Sensed(
+        gravity=np.full(3, 1.0),
+        gyro=np.full(3, 2.0),
+        joint_pos=OP3.standing.joint_pos + 3.0,
+        joint_vel=np.full(n, 4.0),
+    )
+    target = sensed.joint_pos + 5.0
+    seen = observe(OP3, sensed, target, np.full(k, 6.0), np.full(1, 7.0))
+    sizes = [term.size for term in list_terms(OP3, NARROW)]
+    parts = np.split(seen, np.cumsum(sizes)[:-1])
+    assert [len(part) for part in parts] == sizes
+    for value, part in enumerate(parts, start=1):
+        assert part == pytest.approx(np.full(len(part), value))

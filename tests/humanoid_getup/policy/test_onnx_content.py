@@ -14,15 +14,24 @@ import pytest
 
 pytest.importorskip("onnx")
 
+import hashlib
+
 import onnx
+from nonempty import nonempty
 from onnx import TensorProto, helper, numpy_helper
 from tiny_policies import save_policy, weights_of
 
 from humanoid_getup.policy import onnx_network
-from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, seal_model
+from humanoid_getup.policy.onnx_file import (
+    CHECKSUM_ENTRY,
+    CONTRACT_KEY,
+    NetworkError,
+    read_model,
+    seal_model,
+)
 from humanoid_getup.policy.onnx_network import OnnxNetwork
-from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
-from robots import Robot
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError, read_contract
+from robots import Robot, load_robot
 
 LOOPS = "the network has loops or branches, expected none"
 ELSEWHERE = "its weights are in another file, expected all in this one"
@@ -39,23 +48,15 @@ def save_changed(file: Path, robot: Robot, change: Callable[[onnx.ModelProto], N
 
 def add_endless_loop(model: onnx.ModelProto) -> None:
     """Let the network's last step wait for a loop whose condition stays true."""
-    graph, last = model.graph, model.graph.output[0].name
-    body = helper.make_graph(
-        [helper.make_node("Identity", [name], [f"{name}_out"]) for name in ("cond", "value")],
-        "body",
-        [
-            helper.make_tensor_value_info("step", TensorProto.INT64, []),
-            helper.make_tensor_value_info("cond", TensorProto.BOOL, []),
-            helper.make_tensor_value_info("value", TensorProto.FLOAT, None),
-        ],
-        [
-            helper.make_tensor_value_info("cond_out", TensorProto.BOOL, []),
-            helper.make_tensor_value_info("value_out", TensorProto.FLOAT, None),
-        ],
-    )
+    graph, last, info = model.graph, model.graph.output[0].name, helper.make_tensor_value_info
+    steps = [helper.make_node("Identity", [name], [f"{name}_out"]) for name in ("cond", "value")]
+    bool_, float_ = TensorProto.BOOL, TensorProto.FLOAT
+    inputs = [info("step", TensorProto.INT64, []), info("cond", bool_, [])]
+    inputs.append(info("value", float_, None))
+    outputs = [info("cond_out", bool_, []), info("value_out", float_, None)]
+    body = helper.make_graph(steps, "body", inputs, outputs)
     graph.initializer.append(numpy_helper.from_array(np.array(True), "always"))
-    loop = helper.make_node("Loop", ["", "always", last], ["end"], body=body)
-    graph.node.append(loop)
+    graph.node.append(helper.make_node("Loop", ["", "always", last], ["end"], body=body))
     graph.output[0].name = "end"
 
 
@@ -228,3 +229,43 @@ def test_without_a_memory_of_its_own_it_remembers_the_clipped_actions(tiny: Robo
     actions, memory = OnnxNetwork(file)(seen)
     assert actions == pytest.approx(np.array([[-4.0], [0.5], [3.0]]))
     assert memory == pytest.approx(np.array([[-1.0], [0.5], [1.0]]))
+
+
+TINY = load_robot("tests/robots/tiny")
+
+
+def test_no_flipped_bit_is_accepted(tmp_path: Path):
+    """At every byte of the file: in graph, weights, contract and the checksum itself."""
+    file = save_policy(tmp_path / "p.onnx", TINY, weight=weights_of(TINY, gyro=0.1))
+    content = file.read_bytes()
+    for at in nonempty(range(len(content))):
+        flipped = bytearray(content)
+        flipped[at] ^= 1 << at % 8
+        file.write_bytes(bytes(flipped))
+        with pytest.raises(NetworkError):
+            read_model(file)
+
+
+def test_the_shipped_policies_are_valid_onnx_and_load(op3: Robot):
+    for file in nonempty(sorted(Path(op3.folder, "policies").glob("*.onnx"))):
+        onnx.checker.check_model(onnx.load(str(file)))
+        policy = OnnxPolicy.load(file, op3, op3.control_period)
+        assert policy.failure is None
+        assert repr(policy).startswith("OnnxPolicy(op3: gravity, ")
+
+
+def test_a_policy_without_a_checksum_is_refused_with_what_to_do(tmp_path: Path):
+    file = save_policy(tmp_path / "p.onnx", TINY)
+    file.write_bytes(file.read_bytes().rpartition(CHECKSUM_ENTRY)[0])
+    with pytest.raises(PolicyError, match="no checksum: export it again with `getup export`"):
+        OnnxPolicy.load(file, TINY, TINY.control_period)
+
+
+def test_a_checksum_that_a_shipped_policy_tells_is_that_of_a_shipped_file():
+    for robot in ("op3", "wolfgang"):
+        files = [*Path(load_robot(robot).folder, "policies").iterdir()]
+        shipped = {hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+        told = [read_contract(file).provenance for file in files if file.suffix == ".onnx"]
+        sums = {value for facts in told for key, value in facts.items() if key.endswith("sha256")}
+        assert told
+        assert sums <= shipped, robot

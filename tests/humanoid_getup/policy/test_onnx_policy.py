@@ -177,13 +177,9 @@ def test_a_network_that_loses_its_numbers_makes_the_robot_limp_for_good(
     assert (policy.done, policy.failure) == (False, None)
 
 
-@pytest.mark.parametrize(
-    ("degrees", "speed"), [(20.0, 0.0), (0.0, 2.0)], ids=["leans", "swings its targets"]
-)
-def test_a_robot_that_does_not_stand_still_has_its_time(
-    tiny: Robot, tmp_path: Path, degrees: float, speed: float
-):
-    leaning = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.radians(degrees))
+@pytest.mark.parametrize(("lean", "speed"), [(0.35, 0.0), (0.0, 2.0)], ids=["leans", "swings"])
+def test_a_robot_that_does_not_stand_still_has_its_time(tiny: Robot, tmp_path: Path, lean, speed):
+    leaning = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), lean)
     weight = weights_of(tiny, joint_vel=0.25)
     policy = begin(save_policy(tmp_path / "p.onnx", tiny, weight=weight), tiny)
     k = 0

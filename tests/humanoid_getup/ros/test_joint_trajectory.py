@@ -25,7 +25,7 @@ from humanoid_getup.motions.motion_database import find_motion, load_database
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.ros.joint_trajectory import JointTrajectory
-from robots import Robot, load_robot
+from robots import Robot, load_robot, quaternion
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
@@ -111,18 +111,11 @@ def test_every_stored_motion_begins_and_ends_at_rest_and_its_points_rise_in_time
 
 def make_motion(time: Array, targets: Array) -> Motion:
     """Make a motion of the tiny robot with targets (T, 2) at some times."""
-    count = len(time)
-    return Motion(
-        name="odd",
-        robot="tiny",
-        start_class="standing",
-        strategy="none",
-        time=time,
-        position=np.zeros((count, 3)),
-        orientation=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-        joint_pos=np.zeros((count, 2)),
-        joint_target=targets,
-    )
+    n = len(time)
+    about = {"name": "odd", "robot": "tiny", "start_class": "standing", "strategy": "none"}
+    still = {"position": np.zeros((n, 3)), "joint_pos": np.zeros((n, 2))}
+    upright = np.tile(quaternion.IDENTITY, (n, 1))
+    return Motion(time=time, joint_target=targets, orientation=upright, **about, **still)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_motion_of_other_times_is_sampled_and_held_to_its_end(tiny: Robot):

@@ -1,4 +1,4 @@
-"""Heights of obstacles and of rough ground, against MuJoCo's own rays."""
+"""Heights of obstacles and rough ground, against MuJoCo's own rays, and a backdrop."""
 
 import math
 
@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from humanoid_getup.scenes.ground import HeightField, Slope, Surface
 from humanoid_getup.scenes.obstacle import Obstacle
-from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.scene import PICTURE, Scene, add_backdrop
 from robots import Robot, quaternion
+from robots.ground import GROUND
 from robots.kinematics import place
 
 HIGH = 5.0
@@ -79,18 +80,6 @@ def test_feet_stand_on_a_table_or_under_it():
     np.testing.assert_allclose(scene.support(feet), [0.32, 0.0, 0.0])
 
 
-@pytest.mark.parametrize("kind", ["sphere", "capsule", "box"])
-def test_a_smaller_sphere_sweeps_a_smaller_volume_up_to_nothing(kind):
-    size = {"box": [0.2, 0.3, 0.1], "capsule": [0.1, 0.3], "sphere": [0.1]}[kind]
-    obstacle = Obstacle(name="o", kind=kind, half_size=np.array(size), position=np.zeros(3))
-    assert obstacle.radius == 0.1
-    np.testing.assert_allclose(obstacle.sweep(0.1), size)
-    half = {"box": [0.15, 0.25, 0.05], "capsule": [0.05, 0.3], "sphere": [0.05]}[kind]
-    np.testing.assert_allclose(obstacle.sweep(0.05), half)
-    core = {"box": [0.1, 0.2, 1e-6], "capsule": [1e-6, 0.3], "sphere": [1e-6]}[kind]
-    np.testing.assert_allclose(obstacle.sweep(0.0), core)
-
-
 def settle(surface: Surface, seconds: float = 4.0) -> float:
     """Return the height of the bottom of a box after it has come to rest."""
     spec = mujoco.MjSpec()
@@ -130,3 +119,33 @@ def test_a_surface_that_cannot_be_is_refused():
     ):
         with pytest.raises(ValueError, match=message):
             Surface(**values)
+
+
+def build(*, with_backdrop: bool) -> mujoco.MjModel:
+    """A box that slides and tumbles on a plane."""
+    spec = mujoco.MjSpec()
+    ground = spec.worldbody.add_geom(
+        name=GROUND, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=[1, 0, 0, 0.5]
+    )
+    box = spec.worldbody.add_body(pos=[0.0, 0.0, 0.3])
+    box.add_freejoint()
+    box.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.05, 0.02], euler=[0.3, 0.2, 0.0])
+    if with_backdrop:
+        add_backdrop(spec, ground)
+    return spec.compile()
+
+
+def tumble(model: mujoco.MjModel) -> np.ndarray:
+    data = mujoco.MjData(model)
+    data.qvel[0] = 1.0
+    mujoco.mj_step(model, data, 300)
+    return data.qpos.copy()
+
+
+def test_physics_is_the_same_with_it_and_the_sun_shines_on_its_pattern():
+    model = build(with_backdrop=True)
+    np.testing.assert_array_equal(tumble(model), tumble(build(with_backdrop=False)))
+    assert model.geom(GROUND).matid[0] == model.material(GROUND).id
+    np.testing.assert_array_equal(model.geom(GROUND).rgba, 1.0)
+    assert model.light("sun").dir[2] < 0.0
+    assert (model.vis.global_.offwidth, model.vis.global_.offheight) == PICTURE

@@ -104,16 +104,3 @@ def test_rotors_and_friction_of_coupled_servos_are_randomized_too(coupled: Robot
         np.array([[0.0025, 0.0025], [0.005, 0.005]])
     )
     assert sim.batch.expand("tendon_frictionloss")[:, 0] == pytest.approx([0.105, 0.315])
-
-
-def test_coupled_servos_are_placed_without_torque_and_held_as_they_advance(coupled: Robot):
-    world, bent = World(coupled), np.array([0.4, -0.3])
-    qpos = place(coupled, world.model, replace(coupled.standing, joint_pos=bent))[None]
-    held, advanced = VecSim(world, 1), VecSim(world, 1)
-    for sim in (held, advanced):
-        sim.place(sim.everyone, qpos)
-        assert sim.torque == pytest.approx(0.0, abs=1e-9)
-    target = np.array([[0.1, 0.2]])
-    held.hold(target, 20)
-    advanced.advance(target[None], 20)
-    assert np.array_equal(held.qpos, advanced.qpos)

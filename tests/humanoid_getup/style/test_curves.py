@@ -40,16 +40,6 @@ def test_curves_pass_their_control_points_at_equal_times_from_rest_to_rest(point
     assert np.abs(np.diff(end, axis=0)).max() < 1e-6
 
 
-@given(points=points_of_rises)
-def test_between_control_points_curves_have_no_kink(points):
-    curves = StyleCurves.of(points, 8.0)  # a control point each second
-    step = 1e-4
-    for knot in range(1, 8):
-        around = curves.sample(knot + step * np.array([-2.0, -1.0, 0.0, 1.0, 2.0]))
-        slope = np.diff(around, axis=0) / step
-        assert np.abs(slope[1] - slope[2]).max() < 0.02
-
-
 @given(points=points_of_rises, time=st.floats(0.0, 5.0))
 def test_mirrored_curves_mirror_every_moment(points, time):
     curves = StyleCurves.of(points, 4.0)

@@ -1,12 +1,15 @@
-"""Errors from style curves count while the curves last, and say whether they were followed."""
+"""Robots are tracked along curves; errors count while these last and say if they were followed."""
 
 import math
 
 import numpy as np
 import pytest
 
+from humanoid_getup.style.curve_tracker import MOST_DEVIATION_TIME, CurveTracker
 from humanoid_getup.style.curves import UPRIGHT_STAND, StyleCurves
 from humanoid_getup.style.style_errors import FollowedStyle, StyleErrors
+from humanoid_getup.style.style_file import load_style
+from robots import Robot
 
 STEP = 0.5  # s
 LYING = np.array([0.3, math.pi / 2, 0.2])
@@ -65,3 +68,62 @@ def test_it_is_said_whether_curves_were_followed(facts, is_followed, text):
     assert followed.was_followed is is_followed
     assert str(followed).startswith("followed") == is_followed
     assert followed.figures().style_restarts == restarts
+
+
+PERIOD = 0.05  # s
+ON_ITS_BACK = np.array([0.3, np.pi / 2, 0.3])
+
+
+@pytest.fixture
+def tracker(op3: Robot) -> CurveTracker:
+    """Two robots on the curves of a long-sit; both lie on their backs."""
+    made = CurveTracker(op3, 2)
+    made.features = np.tile(ON_ITS_BACK, (2, 1))
+    made.begin(np.arange(2), [load_style("long-sit", op3).curves[0]] * 2)
+    return made
+
+
+def go_on(tracker: CurveTracker, choose) -> list[np.ndarray]:
+    """The first robot goes on lying; the second does as it is asked to."""
+    again = []
+    for _ in range(round(tracker.duration[0] / PERIOD)):
+        tracker.advance(PERIOD)
+        tracker.features = np.array([ON_ITS_BACK, tracker.wanted[1]])
+        again.append(tracker.restart_deviating(PERIOD, choose))
+    return again
+
+
+def test_only_a_robot_that_has_deviating_its_curves_begins_again(op3, tracker):
+    push_up, duration = load_style("push-up", op3).curves[0], tracker.duration[1]
+    asked = []
+
+    def choose(row, features):
+        asked.append((row, features.tolist()))
+        return push_up
+
+    again = go_on(tracker, choose)
+    (first,) = [k for k, ids in enumerate(again) if len(ids)]
+    assert again[first].tolist() == [0]
+    assert asked == [(0, ON_ITS_BACK.tolist())]
+    assert tracker.duration == pytest.approx([push_up.duration, duration])
+    since = (len(again) - 1 - first) * PERIOD
+    assert tracker.time[0] == pytest.approx(since)
+    assert tracker.time[1] == pytest.approx(len(again) * PERIOD)
+    # It was half a second beyond the limit, not less.
+    assert first * PERIOD > MOST_DEVIATION_TIME
+
+
+def test_curves_that_begin_far_from_a_robot_do_not_help_it(op3, tracker):
+    prone = load_style("push-up", op3).curves[2]
+    again = go_on(tracker, lambda *_: prone)
+    assert not any(len(ids) for ids in again)
+    assert tracker.time == pytest.approx([len(again) * PERIOD] * 2)
+
+
+def test_a_robot_that_stands_is_not_asked_to_lie_down(op3):
+    tracker, curves = CurveTracker(op3, 2), load_style("long-sit", op3).curves[0]
+    tracker.features = np.array([ON_ITS_BACK, [0.97, 1.5, 1.6]])
+    tracker.begin(np.arange(2), [curves, curves])
+    assert tracker.time == pytest.approx([0.0, curves.duration])
+    tracker.advance(0.2)
+    assert tracker.wanted[1] == pytest.approx(curves.points[-1])

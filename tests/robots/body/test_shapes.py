@@ -1,4 +1,6 @@
-"""A fitted shape holds all the points that it was fitted to, and little besides."""
+"""A fitted shape holds its points and little besides; links overlap as on a twin."""
+
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -6,8 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots import quaternion
+from drivers import Twin
+from humanoid_getup.simulation.world import World
+from robots import Posture, Robot, quaternion
+from robots.body.overlap import measure_pair_overlaps, overlaps_at
 from robots.body.shapes import Shape, fit_shape
+from robots.kinematics import place
 from robots.quaternion import Array
 
 GEOM = mujoco.mjtGeom
@@ -76,3 +82,39 @@ def test_the_box_of_a_foot_lies_flush_with_its_sole(size, bracket, tilt: int):
     axes = [quaternion.rotate(shape.orientation, axis) for axis in np.eye(3)]
     down = quaternion.rotate(turn, np.array([0.0, 0.0, 1.0]))
     assert max(abs(axis @ down) for axis in axes) == pytest.approx(1.0, abs=1e-6)
+
+
+def find_overlaps(world: World, posture: Posture) -> Array:
+    qpos = place(world.robot, world.model, posture)
+    return overlaps_at(world.model, qpos, mujoco.MjData(world.model))
+
+
+def cross(op3: Robot, seed: int) -> Posture:
+    rng = np.random.default_rng(seed)
+    return Posture(
+        position=np.array([0.0, 0.0, 1.0]),
+        orientation=quaternion.normalize(rng.normal(size=4)),
+        joint_pos=rng.uniform(op3.lower, op3.upper),
+    )
+
+
+def test_the_deepest_pair_is_as_deep_as_the_robot_is_in_itself(world: World, op3: Robot):
+    for seed in range(8):
+        posture = cross(op3, seed)
+        twin, depth = Twin(world, posture), find_overlaps(world, posture)
+        assert depth.max() == pytest.approx(twin.truth.self_penetration, abs=1e-12), seed
+        by_twin = measure_pair_overlaps(twin.truth.model, twin.truth.data)
+        np.testing.assert_array_equal(depth, by_twin)
+        np.testing.assert_array_equal(depth, np.triu(depth, k=1))
+
+
+def test_overlap_is_of_the_links_that_cross_and_not_of_the_ground(world: World, op3: Robot):
+    joint_pos = op3.standing.joint_pos.copy()
+    in_the_ground = replace(op3.standing, position=np.zeros(3))
+    assert find_overlaps(world, in_the_ground).max() == 0.0
+    joint_pos[op3.joint_names.index("l_hip_roll")] = 0.3
+    joint_pos[op3.joint_names.index("r_hip_roll")] = -0.3
+    depth = find_overlaps(world, replace(in_the_ground, joint_pos=joint_pos))
+    pairs = {tuple(world.model.body(link).name for link in pair) for pair in np.argwhere(depth)}
+    assert pairs
+    assert all(first.startswith("l_") and second.startswith("r_") for first, second in pairs)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from nonempty import nonempty
 
 from robots import Robot, load_robot
-from robots.body.joint_view import JointView
 from robots.body.mirror_pairs import MirrorPairs, find_mirror
 from robots.body.sides import JointSides, remove_side, side_of, swap_side
 
@@ -71,32 +70,12 @@ def test_joints_on_the_middle_plane_are_distinguished_by_their_limbs(own_robot: 
     assert [robot.joint_names[joint] for joint in JointSides(robot).left] == ["motor_2"]
 
 
-def test_op3s_left_joints_are_those_named_l(op3: Robot):
-    sides = JointSides(op3)
-    left = [op3.joint_names[joint] for joint in sides.left]
-    assert left == [name for name in op3.joint_names if name.startswith("l_")]
-    # Names and places agree on a robot that has both.
-    view = JointView.of(op3)
-    view.look(op3.standing.joint_pos)
-    aside = view.data.xanchor[view.ids, 1]
-    partner = op3.mirror_index[list(sides.left)]
-    assert np.all(aside[list(sides.left)] > aside[partner])
-
-
 X, Y, Z = np.eye(3)
 
 
 def pair(names: list[str], anchors: list, axes: list) -> MirrorPairs:
     points = np.array(anchors, dtype=float)
     return find_mirror(names, points, np.array(axes), points, [1] * len(names), 1.0)
-
-
-@pytest.mark.parametrize(("axis", "sign"), [(X, -1.0), (Y, 1.0), (Z, -1.0)])
-def test_equal_axes_turn_as_their_images_do(axis, sign: float):
-    """By hand: a reflection in y = 0 keeps a turn about y and reverses those about x and z."""
-    found = pair(["a", "b"], [[0, 0.1, 0], [0, -0.1, 0]], [axis, axis])
-    assert found.index.tolist() == [1, 0]
-    assert found.sign.tolist() == [sign, sign]
 
 
 def test_what_has_no_image_or_is_in_the_middle_is_its_own_mirror():

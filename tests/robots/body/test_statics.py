@@ -1,4 +1,4 @@
-"""Statics: the torques that they give hold the robot in MuJoCo, and squats are balanced."""
+"""Statics: their torques hold the robot in MuJoCo; squats and props are balanced."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,10 +9,11 @@ import pytest
 from nonempty import nonempty
 
 from humanoid_getup.simulation.world import World
-from robots import Robot, load_robot
+from robots import Robot, load_robot, quaternion
+from robots.body.drawn_postures import MOST_DOWN, Prop, draw_props
 from robots.body.limb import LEGS
 from robots.body.limbs import Limbs
-from robots.body.squats import Squat, find_touching, list_squats
+from robots.body.squats import Squat, list_squats
 from robots.body.statics import Statics
 from robots.kinematics import place
 from robots.quaternion import Array
@@ -135,14 +136,13 @@ def limbs(op3: Robot) -> Limbs:
     return Limbs(op3)
 
 
-def test_squats_go_from_high_to_deep(squats: list[Squat]):
+def test_squats_go_from_high_to_deep_their_mass_over_parallel_soles(
+    squats: list[Squat], limbs: Limbs
+):
     heights = [squat.neck_share for squat in squats]
     assert len(heights) >= 8
     assert heights == sorted(heights, reverse=True)
     assert heights[-1] < 0.75
-
-
-def test_the_mass_is_over_soles_that_are_parallel(squats: list[Squat], limbs: Limbs):
     left, right = (limbs.leg(name) for name in LEGS)
     for squat in nonempty(squats):
         ahead = limbs.measure_balance(squat.joint_pos)
@@ -151,16 +151,55 @@ def test_the_mass_is_over_soles_that_are_parallel(squats: list[Squat], limbs: Li
         assert abs(left.sole_position[0] - right.sole_position[0]) < 0.01
 
 
-def test_shapes_that_stop_a_squat_are_named(
-    squats: list[Squat], limbs: Limbs, op3: Robot, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture(scope="module")
+def props(limbs: Limbs) -> list[Prop]:
+    return draw_props(limbs, 20, np.random.default_rng(0))
+
+
+def test_props_have_soles_and_hands_on_the_ground_and_their_weight_between(
+    op3: Robot, limbs: Limbs, props: list[Prop]
 ):
-    statics, pair = Statics(op3), ("l_ank_pitch_link", "l_hip_pitch_link")
-    ids = tuple(sorted(limbs.model.body(name).id for name in pair))
+    statics = Statics(op3)
+    model = op3.spec().compile()
+    data, length = mujoco.MjData(model), limbs.thigh_and_shank
+    assert len(props) > 5
+    for prop in props:
+        posture = statics.make_posture(prop.joint_pos)
+        data.qpos[:] = place(op3, model, posture)
+        mujoco.mj_forward(model, data)
+        hands = [
+            data.xpos[body] + data.xmat[body].reshape(3, 3) @ place for body, place in prop.hands
+        ]
+        soles = np.array([data.site(name).xpos for name in op3.sole_sites])
+        forward = data.site_xmat[model.site(op3.sole_sites[0]).id].reshape(3, 3)[:, 0]
+        assert np.array([hand[2] for hand in hands]) == pytest.approx(0.0, abs=0.05 * length)
+        assert soles[:, 2] == pytest.approx(0.0, abs=0.05 * length)
+        between = soles.mean(axis=0) + prop.share * (np.mean(hands, axis=0) - soles.mean(axis=0))
+        off = (data.subtree_com[limbs.torso] - between) @ forward
+        assert off == pytest.approx(0.0, abs=0.05 * length)
+        assert np.cos(quaternion.tilt(posture.orientation)) > -MOST_DOWN
+        assert np.array_equal(op3.symmetrize(prop.joint_pos), prop.joint_pos)
 
-    def touch(_: Limbs, joint_pos: np.ndarray) -> set[tuple[int, ...]]:
-        return {ids} if statics.measure_neck(joint_pos) < 0.8 else set()
 
-    monkeypatch.setattr("robots.body.squats.find_overlaps_but_arms", touch)
-    higher = list_squats(limbs, statics)
-    assert 0.8 <= higher[-1].neck_share < squats[0].neck_share
-    assert [{*names} for names in find_touching(limbs, statics, higher)] == [{*pair}]
+def test_a_prop_that_one_side_cannot_take_is_left_out(op3: Robot, props: list[Prop]):
+    upper, elbow = op3.upper.copy(), op3.joint_names.index("r_el")
+    upper[elbow] = np.median([prop.joint_pos[elbow] for prop in props])
+    joints = [replace(j, upper=float(u)) for j, u in zip(op3.joints, upper, strict=True)]
+    one = draw_props(Limbs(replace(op3, joints=tuple(joints))), 20, np.random.default_rng(0))
+    assert 0 < len(one) < len(props)
+    assert all(prop.joint_pos[elbow] <= upper[elbow] for prop in one)
+
+
+def test_targets_of_a_prop_ask_less_of_the_legs_the_more_the_hands_carry(
+    op3: Robot, props: list[Prop]
+):
+    prop = max(props, key=lambda each: each.share)
+    statics, legs = Statics(op3), [k for k, name in enumerate(op3.joint_names) if "knee" in name]
+    lead = {
+        share: np.abs(statics.find_targets(prop.joint_pos, prop.hands, share) - prop.joint_pos)
+        for share in (0.0, prop.share)
+    }
+    arms = [k for k, name in enumerate(op3.joint_names) if "sho_pitch" in name]
+    assert lead[prop.share][arms].max() > lead[0.0][arms].max()
+    assert prop.share > 0.2
+    assert lead[prop.share][legs].sum() < lead[0.0][legs].sum()

@@ -51,10 +51,8 @@ def test_a_folders_types_add_to_and_override_the_packages(own_robot):
         ("stall_current = 1.0\n", "", "'home-made': stall_current is missing, expected above 0 A"),
         ("friction = 0.0", "fricton = 0.0", "'home-made': unknown key 'fricton', expected nomin"),
         ("limit = 70", "limit = 343", "temperature_limit is 343 °C, expected 40 to 150 °C"),
-        ("friction = 0.0", 'name = "x"', "servos.toml: 'home-made': unknown key 'name', expected"),
         ("max_voltage = 13.0", "max_voltage = 9", "min_voltage is 10 V, expected at most max_vol"),
         ('["XM4', 'x = 3\n["XM4', "servos.toml: 'x' is 3, expected a table of figures"),
-        ("[home-made]", "[home-made", "servos.toml"),
     ],
 )
 def test_a_wrong_type_is_reported_with_what_is_expected(own_robot, old, new, words):
@@ -91,10 +89,3 @@ def test_figures_that_a_control_table_has_too_are_the_same():
             assert model.current_step == table["present_current"].scale, name
         upper = table["max_voltage_limit"].upper
         assert upper is not None and 10.0 * model.max_voltage <= upper, name
-
-
-def test_a_feetech_drives_of_its_supply_what_was_measured():
-    """BAM (Rhoban): 0.166 of the supply per radian and count of the P gain, 32 as shipped."""
-    model = servo_models()["STS3215-C001"]
-    full = model.position_gain(model.p_gain) / model.stall_torque
-    assert full == pytest.approx(32 * 0.166, rel=1e-3)

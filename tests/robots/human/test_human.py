@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nonempty import nonempty
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.standing import HOLD_TIME, judge
@@ -16,13 +15,6 @@ from robots import load_robot, quaternion
 from robots.kinematics import GeomReach, center_of_mass, place
 
 HEIGHT, MASS = 1.70, 65.0  # m, kg [Frezzato22], section 3.1
-# Shares of the body's mass and of its height: Winter, table 4.1 and figure 4.1.
-SHARES = {
-    "upper_arm": (0.028, 0.186),
-    "forearm": (0.016, 0.146),
-    "thigh": (0.100, 0.245),
-    "shank": (0.0465, 0.246),
-}
 
 
 @pytest.fixture(scope="module")
@@ -42,16 +34,6 @@ def test_it_weighs_65_kg_and_is_170_cm_tall_with_joints_at_zero(model):
     centers, reached = data.geom_xpos[reach.geoms, 2], reach(up)
     assert model.body_mass.sum() == pytest.approx(MASS, abs=1e-3)
     assert np.max(centers + reached) - np.min(centers - reached) == pytest.approx(HEIGHT, abs=2e-3)
-
-
-def test_segments_are_winters_shares_of_mass_and_height(model):
-    for name, (mass, length) in nonempty(SHARES.items()):
-        for side in ("l", "r"):
-            body = model.body(f"{side}_{name}")
-            end = model.body_parentid.tolist().index(body.id)
-            assert body.mass[0] == pytest.approx(mass * MASS, rel=1e-4), name
-            reach = np.linalg.norm(model.body_pos[end])
-            assert reach == pytest.approx(length * HEIGHT, rel=1e-4), name
 
 
 @given(seed=st.integers(0, 2**32 - 1))

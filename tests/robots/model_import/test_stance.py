@@ -12,7 +12,6 @@ from robots.body.joint_view import JointView
 from robots.model_import.stance import (
     StanceSolver,
     exclude_brackets,
-    find_own_overlaps,
     find_stance,
 )
 
@@ -66,29 +65,6 @@ def test_arms_hang_beside_the_body_and_further_out_if_asked(small: BodyPlan):
 def search(small: BodyPlan) -> tuple[np.ndarray, list[str]]:
     notes: list[str] = []
     return find_stance(small, np.zeros(len(small.joint_names)), notes).joint_pos, notes
-
-
-def thicken(small: BodyPlan, by: float) -> BodyPlan:
-    """Make the thighs' boxes wider and taller by so much to all sides [m]."""
-    model = copy.copy(small.model)
-    for side in ("left", "right"):
-        geom = model.body(f"{side}_thigh").geomadr[0]
-        model.geom_size[geom, 1:] += by
-        model.geom_aabb[geom, 4:] += by
-        model.geom_rbound[geom] += 2.0 * by
-    return replace(small, model=model)
-
-
-def test_arms_hang_further_out_beside_thick_thighs(small: BodyPlan):
-    thick = thicken(small, 0.045)
-    angles, _ = search(thick)
-    usual, notes = search(small)
-    assert notes == []
-    assert not find_own_overlaps(small.view, usual)
-    touching = {small.model.body(b).name for p in find_own_overlaps(thick.view, angles) for b in p}
-    assert not {name for name in touching if "forearm" in name}
-    roll = small.joint_names.index("left_upper_arm_joint")
-    assert angles[roll] > usual[roll] + 0.05
 
 
 def limit(small: BodyPlan, joint: str, degrees: float) -> BodyPlan:

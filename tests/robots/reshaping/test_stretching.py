@@ -154,20 +154,6 @@ def test_a_bracket_follows_the_long_link_below_it(tmp_path: Path):
     assert found["bracket"] == pytest.approx(DOWN)
 
 
-def test_a_foot_follows_the_shank(tmp_path: Path):
-    foot = '<site name="{s}_sole" pos="0.02 0 -0.02"/>'
-    legs = ""
-    for side, y in (("l", "0.05"), ("r", "-0.05")):
-        ankle = (
-            f'<body name="{side}_foot" pos="0 0 -0.1"><joint name="{side}_ankle" axis="0 1 0" '
-            f'range="-30 30"/><geom size="0.01" mass="0.01"/>{foot.format(s=side)}</body>'
-        )
-        legs += limb(f"{side}_hip", f"0 {y} 0", inside=ankle)
-    found = directions_of(make_robot(tmp_path, legs), arm=False)
-    assert found["l_foot"] == pytest.approx(DOWN)
-    assert found["l_hip_link"] == pytest.approx(DOWN)
-
-
 def test_a_direction_is_that_of_the_nearest_axis_of_its_shape(tmp_path: Path):
     """A forearm whose mass is a little in front of its axis is still long along its box."""
     ahead = limb("elbow", "0 0 -0.1", inside='<geom size="0.01" pos="0.02 0 -0.05" mass="0.05"/>')

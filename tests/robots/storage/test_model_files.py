@@ -43,18 +43,13 @@ def test_the_models_of_the_package_are_within_all_limits():
         ("<worldbody><flexcomp count='100 100 100'/></worldbody>", "it makes 1000000 copies"),
         (f"<worldbody>{'<site/>' * 20_000}</worldbody>", "it makes 20002 parts"),
         ("<asset><hfield nrow='100000' ncol='100000'/></asset>", "<hfield> has nrow '100000'"),
-        ("<asset><texture width='100000' height='9999'/></asset>", "<texture> has width '100000'"),
-        ("<asset><mesh builtin='sphere' params='9 2000000'/></asset>", "<mesh> has params"),
         ("<sensor><user dim='2000000000'/></sensor>", "<user> has dim '2000000000'"),
-        ("<actuator><motor nsample='2000000000'/></actuator>", "<motor> has nsample"),
         ("<size nkey='2000000000'/>", "<size> has nkey '2000000000', expected at most 1000000"),
-        ("<size nuser_geom='2000000000'/>", "<size> has nuser_geom"),
         ("<size memory='1000T'/>", "<size> has memory '1000T', expected at most 1073741824 bytes"),
         ("<worldbody><geom pos='0 NaN 0'/></worldbody>", "<geom> has pos '0 NaN 0', expected fin"),
         ("<include file='model.xml'/>", "model.xml includes itself"),
         ("<asset><model name='m' file='model.xml'/></asset>", "model.xml includes itself"),
         ("<include file='nonsense.xml'/>", "nonsense.xml: not XML (unknown encoding: nonsense)"),
-        ("<include file='broken.xml'/>", "broken.xml: not XML"),
         ("<include file='pipe'/>", "pipe: it is a FIFO, expected a file"),
         ("<asset><mesh file='pipe'/></asset>", "<mesh> file 'pipe': it is a FIFO"),
         ("<asset><mesh file='/elsewhere/pipe'/></asset>", "it is a FIFO"),
@@ -68,7 +63,6 @@ def test_a_model_beyond_a_limit_is_refused(tmp_path: Path, content: str, message
     for name in ("pipe", "parts/p.stl"):
         os.mkfifo(tmp_path / name)
     (tmp_path / "nonsense.xml").write_bytes(b'<?xml version="1.0" encoding="nonsense"?><a/>')
-    (tmp_path / "broken.xml").write_bytes(b"<a>")
     with (tmp_path / "huge.png").open("wb") as file:
         file.truncate(MAX_ASSET + 1)
     assert message in problems_of(tmp_path, content)

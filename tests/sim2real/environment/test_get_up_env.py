@@ -17,7 +17,7 @@ from sim2real.environment.env_options import RANDOMIZATIONS, EnvOptions
 from sim2real.environment.episodes import HELD, TO_OPEN
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.registration import NAME
-from sim2real.environment.rewards import Reward, action_change, haste, stands
+from sim2real.environment.rewards import Reward, stands
 from sim2real.environment.starts.start_pool import StartPool
 
 FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
@@ -153,18 +153,6 @@ def test_a_restored_environment_continues_to_the_bit(op3, action, pool, options)
         one, another = env.step(actions), other.step(actions)
         assert all(np.array_equal(one[k], another[k]) for k in (0, 1, 3))
         assert np.array_equal(one[4]["critic"], another[4]["critic"])
-
-
-@pytest.mark.parametrize("asked", [-4.0, -0.5, 1.0])
-def test_an_action_counts_up_to_one_and_is_asked_for_beyond(op3, action, pool, asked):
-    options = EnvOptions(
-        robots=1, rewards=(Reward(haste, 1.0), Reward(action_change, 1.0)), threads=1
-    )
-    env = GetUpEnv(op3, action, pool, options)
-    env.reset(seed=0)
-    for change in (min(abs(asked), 1.0), 0.0):
-        rewards = env.step(np.full((1, action.size), asked))[4]["rewards"]
-        assert rewards == pytest.approx({"haste": asked**2, "action_change": change**2})
 
 
 # The OP3 is not quite symmetric: its torso's center of mass is 0.13 mm to one side. In the

@@ -1,4 +1,4 @@
-"""A training with style curves, from made-up rises to a policy that follows a style."""
+"""A training with style curves: what it imitates, from made-up rises to a policy on the robot."""
 
 import json
 from dataclasses import replace
@@ -8,20 +8,29 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
+pytest.importorskip("rsl_rl")
 onnx = pytest.importorskip("onnx")
 
 from made_up_rises import make_prior, make_rises
+from rsl_rl.models import MLPModel
+from styled_env import make_styled_env
+from tensordict import TensorDict
 
+from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.policy.observation import UPRIGHT
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.style.style_file import load_style
 from robots import Robot
 from sim2real.environment.action_heads import PriorHead
+from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.training import imitation, runner
 from sim2real.training.config import RECIPES, Recipe, TrainingRecord
 from sim2real.training.export import export_policy
+from sim2real.training.imitation import find_outputs, imitate
+from sim2real.training.library_threads import torch_threads
+from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.styled_training import PRIOR, RISES
 from sim2real.training.train import POOL, TrainingInputs, train
 
@@ -166,3 +175,44 @@ def test_a_height_map_is_added_to_what_was_learned(op3, learn, tmp_path):
     seen = rng.normal(0.0, 0.5, (20, contract.observation_size)).astype(np.float32)
     for own, other in zip(seeing(seen), blind(seen[:, :-25]), strict=True):
         assert own == pytest.approx(other, abs=1e-5)
+
+
+@pytest.fixture
+def env(op3: Robot, pool: StartPool) -> GetUpEnv:
+    return make_styled_env(op3, pool, PriorHead(build_posture_spec(op3), make_prior(op3)))
+
+
+def test_outputs_lead_to_the_next_targets_of_the_planned_motion(op3: Robot, env: GetUpEnv):
+    """The first two curves have targets, those of the stance; the first alone is a plan's."""
+    task, spec = env.style, build_posture_spec(op3)
+    task.row[:] = [0, 1, 2] * 4
+    wanted, measured = task.tracker.wanted, task.tracker.features
+    for _ in range(12):  # outputs are limited, and filtered
+        outputs, known = find_outputs(env, task)
+        action, env.memory = task.head.decode(outputs, env.memory, wanted, measured)
+    assert known.tolist() == [True, False, False] * 4
+    targets = spec.home + spec.scale * action[known]
+    assert targets == pytest.approx(np.tile(op3.standing.joint_pos, (4, 1)), abs=0.02)
+
+
+def test_an_actor_comes_nearer_to_the_motions(env: GetUpEnv, monkeypatch: pytest.MonkeyPatch):
+    for name, value in (("REPLAYED", 12), ("STEPS", 4), ("PARTS", 4), ("EPOCHS", 4)):
+        monkeypatch.setattr(imitation, name, value)
+    monkeypatch.setattr(imitation, "BATCH", 16)
+    torch.manual_seed(0)
+    wrapped = RslEnv(env)
+    wrapped.begin(0, np.random.default_rng(0))
+    size = wrapped.get_observations()["policy"].shape[1]
+    blank = TensorDict({"policy": torch.zeros(1, size)}, batch_size=[1])
+    actor = MLPModel(
+        blank,
+        {"actor": ["policy"]},
+        "actor",
+        wrapped.num_actions,
+        hidden_dims=[16, 16],
+        obs_normalization=True,
+    )
+    with torch_threads(1):
+        losses = imitate(actor, wrapped, np.random.default_rng(0))
+    assert len(losses) == 1 + 4
+    assert losses[-1] < 0.8 * losses[0]

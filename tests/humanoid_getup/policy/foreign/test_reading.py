@@ -136,12 +136,6 @@ def test_an_env_yaml_that_does_not_fit_is_refused(tmp_path: Path, old, new, mess
         read_env(tmp_path, made.ENV.replace(old, new))
 
 
-def test_a_term_of_another_size_than_its_quantity_is_refused():
-    layout = [("gyro", 5), ("gravity", 1), *zip(made.PLAIN, made.SIZES, strict=True)][:5]
-    with pytest.raises(ValueError, match="'gyro' has 5 numbers, expected 3"):
-        read(made.microduck_metadata(observation=layout))
-
-
 def places_in(value, place=()):
     """Yield the places of all values in nested tables and lists."""
     yield place

@@ -159,18 +159,6 @@ def test_another_rate_is_refused_with_a_period_that_fits(nodding: Robot):
         assert abs(steps - now) <= 0.5 or round(steps) == 1
 
 
-def test_targets_are_reached_as_fast_as_the_servos_turn_and_held(nodding: Robot, tmp_path: Path):
-    weight = np.zeros((sum(made.SIZES), 3))
-    network = save_network(tmp_path / "their.onnx", weight, made.mjlab_metadata())
-    policy = OnnxPolicy.load(bring_in(tmp_path, network, rate=31.25), nodding)
-    policy.reset(state_of(nodding))
-    sent = np.array([policy.step(state_of(nodding)).joint_pos for _ in range(4)])
-    cycle, stance = policy.action.reach / 4, nodding.standing.joint_pos
-    way = np.array([-0.2, 0.1, 0.3]) - stance
-    np.testing.assert_allclose(sent[0], stance + np.clip(way, -cycle, cycle), atol=1e-6)
-    np.testing.assert_allclose(sent[-1], stance + np.clip(way, -4 * cycle, 4 * cycle), atol=1e-6)
-
-
 def test_the_gain_of_the_training_is_a_share_of_the_servos(nodding: Robot, tmp_path: Path):
     """Of their gain in N·m/rad, or of a register of theirs."""
     network = save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata())

@@ -15,30 +15,15 @@ from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.simulation.world import World
 from robots import load_robot
 from robots.body.parts import find_arm_joints
-from robots.kinematics import mirror_positions
 from sim2real.environment.get_up_factory import make_get_up
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.starts.start_pool import LEAST, StartPool
 from sim2real.environment.starts.start_states import (
-    LEVELS,
-    list_backward_starts,
     make_backward_pool,
     sample_stands,
 )
 from sim2real.training.config import RECIPES
 from sim2real.training.train import load_pool
-
-
-def test_backward_starts_are_higher_the_nearer_they_are_to_the_stand(op3, world):
-    starts, levels = list_backward_starts(op3, world.model)
-    assert sorted(set(levels.tolist())) == list(range(LEVELS))
-    height = starts[:, op3.layout(world.model).root_qpos + 2]
-    mean = [height[levels == level].mean() for level in range(LEVELS)]
-    assert mean[:3] == sorted(mean[:3], reverse=True)
-    assert mean[0] > 0.9 * op3.standing.position[2]
-    assert mean[-1] < 0.5 * mean[0]
-    count = len(starts) // 2
-    assert starts[count:] == pytest.approx(mirror_positions(op3, world.model, starts[:count]))
 
 
 def test_falls_lie_still_within_their_limits(op3, world, falls):

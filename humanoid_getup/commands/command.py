@@ -5,7 +5,7 @@ def export_motion(request: ExportMotionRequest, monitor: ProgressMonitor) -> Exp
     ...
 
 @export_motion.show
-def _print(found: ExportedMotion, request: ExportMotionRequest, console: Console) -> int:
+def _print(found: ExportedMotion, request: ExportMotionRequest, console: Console) -> None:
     ...
 """
 
@@ -32,7 +32,7 @@ from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 Request = TypeVar("Request", bound=CommandRequest)
 Result = TypeVar("Result")
 Work = Callable[Concatenate[Request, ProgressMonitor, ...], Result]
-Show = Callable[[Result, Any, Console], int]
+Show = Callable[[Result, Any, Console], int | None]
 _REGISTERED: dict[str, RunsOptions] = {}
 
 
@@ -100,7 +100,7 @@ class Command(Generic[Request, Result]):
         return self._work.__qualname__
 
     def show(self, show: Show[Result]) -> Show[Result]:
-        """Register what prints a result and returns the exit code."""
+        """Register what prints a result and returns the exit code; None is that of success."""
         self._show = show
         return show
 
@@ -118,7 +118,8 @@ class Command(Generic[Request, Result]):
         # A robot that was handed over under torque is named by whatever fails after that.
         with getattr(result, "naming_hand_over", nullcontext)():
             write_json(self._json(result) if callable(self._json) else result, options)
-            return self._show(result, options, console_for(options)) if self._show else DID_IT
+            code = self._show(result, options, console_for(options)) if self._show else None
+        return code or DID_IT
 
     @contextmanager
     def _hinting_resume(self, options: Any) -> Iterator[None]:

@@ -11,7 +11,7 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, BadInputError
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.options import MotionName, RobotOption
@@ -102,11 +102,10 @@ def export_motion(request: ExportMotionRequest, monitor: ProgressMonitor) -> Exp
 
 
 @export_motion.show
-def _print(found: ExportedMotion, _: ExportMotionRequest, console: Console) -> int:
+def _print(found: ExportedMotion, _: ExportMotionRequest, console: Console) -> None:
     console.print(
         f"{found.name} of {found.robot}, from {found.start_class} to {found.end_class}: "
         f"{found.points} points, {found.duration_s:.2f} s; written to {found.file}",
         markup=False,
         soft_wrap=True,
     )
-    return DID_IT

@@ -14,7 +14,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.clips.clip_file import read_clip
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, refusing
+from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.files import MADE, READ
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import RobotOption
@@ -135,7 +135,7 @@ def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> RetargetedCli
 
 
 @import_clip.show
-def _print(found: RetargetedClip, request: ClipRequest, console: Console) -> int:
+def _print(found: RetargetedClip, request: ClipRequest, console: Console) -> None:
     motion, deviation = found.motion, found.deviation
     limb, largest = deviation.largest
     lines = [
@@ -153,4 +153,3 @@ def _print(found: RetargetedClip, request: ClipRequest, console: Console) -> int
     lines.append(f"written to {request.target}; next: getup play {request.target}{robot_option}")
     for line in lines:
         console.print(escape(line), soft_wrap=True)
-    return DID_IT

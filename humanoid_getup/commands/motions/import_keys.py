@@ -12,7 +12,7 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, needing, refusing
+from humanoid_getup.commands.errors import needing, refusing
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.motions.build_motions import BuildRequest
@@ -138,7 +138,7 @@ def _try_out(found: ImportedKeyframes, robot: Robot, request: NewKeysOptions) ->
 
 
 @import_keys.show
-def print_added(added: AddedKeys, request: NewKeysOptions, console: Console) -> int:
+def print_added(added: AddedKeys, request: NewKeysOptions, console: Console) -> None:
     """Print the added keyframes, their outcome, and the next step."""
     for found, trial in zip(added.imported, added.trials, strict=True):
         keyframes = trial.keyframes
@@ -154,4 +154,3 @@ def print_added(added: AddedKeys, request: NewKeysOptions, console: Console) -> 
     robot = request.robot if isinstance(request, RobotOption) else BuildRequest.robot
     following = write_command("motions build", BuildRequest(names=names, robot=robot))
     console.print(f"added to {added.file}; next: {following}", markup=False)
-    return DID_IT

@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import find_json_target, make_table
-from humanoid_getup.commands.errors import DID_IT, BadInputError
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.options import BodyOption, MotionName, RobotOption
@@ -61,9 +61,9 @@ def list_motions(request: ListMotionsRequest, _: ProgressMonitor) -> dict[str, A
 
 
 @list_motions.show
-def _print_list(found: dict[str, Any], request: ListMotionsRequest, console: Console) -> int:
+def _print_list(found: dict[str, Any], request: ListMotionsRequest, console: Console) -> None:
     if find_json_target(request) is not None:
-        return DID_IT
+        return
     texts = ("motion", "start", "strategy")
     figures = ("lasts [s]", "stands [s]", "robust", "limit [N·m]", "mirrored")
     table = make_table((*texts, *figures), left=texts)
@@ -81,7 +81,6 @@ def _print_list(found: dict[str, Any], request: ListMotionsRequest, console: Con
             "yes" if row["mirrored"] else "",
         )
     console.print(table)
-    return DID_IT
 
 
 def _format(value: object, form: str) -> str:
@@ -104,6 +103,5 @@ def show_motion(request: ShowMotionRequest, monitor: ProgressMonitor) -> Path:
 
 
 @show_motion.show
-def _print_picture(picture: Path, _: ShowMotionRequest, console: Console) -> int:
+def _print_picture(picture: Path, _: ShowMotionRequest, console: Console) -> None:
     console.print(f"film strip in {picture}", markup=False)
-    return DID_IT

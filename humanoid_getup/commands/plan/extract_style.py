@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.clips.clip_file import ACCLAIM, BVH, read_clip
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing
+from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.plan.styles import StyleOutput, print_times
@@ -83,9 +83,8 @@ def extract_style(request: ExtractRequest, monitor: ProgressMonitor) -> Style:
 
 
 @extract_style.show
-def _print(style: Style, request: ExtractRequest, console: Console) -> int:
+def _print(style: Style, request: ExtractRequest, console: Console) -> None:
     print_times(request.out, style, console)
-    return DID_IT
 
 
 def _choose(time: Array, features: Array, request: ExtractRequest) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import find_json_target, make_table
-from humanoid_getup.commands.errors import DID_IT, BadInputError
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import READ, WRITTEN
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import BodyOption, RobotOption, Seed
@@ -93,9 +93,9 @@ def _draw(
 
 
 @show_scenes.show
-def _print(found: dict[str, Any], request: ScenesRequest, console: Console) -> int:
+def _print(found: dict[str, Any], request: ScenesRequest, console: Console) -> None:
     if find_json_target(request) is not None:
-        return DID_IT
+        return
     texts = ("scene", "starts", "about")
     table = make_table((*texts, "obstacles", "friction"), left=texts)
     for row in found["scenes"]:
@@ -103,4 +103,3 @@ def _print(found: dict[str, Any], request: ScenesRequest, console: Console) -> i
         obstacles, friction = str(row["obstacles"]), f"{row['friction']:g}"
         table.add_row(row["name"], starts, row["about"], obstacles, friction)
     console.print(table)
-    return DID_IT

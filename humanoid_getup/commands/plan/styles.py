@@ -15,7 +15,6 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import find_json_target, make_table
-from humanoid_getup.commands.errors import DID_IT
 from humanoid_getup.commands.files import READ, WRITTEN
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import BodyOption, RobotOption
@@ -180,9 +179,9 @@ def _edit(curve: StyleCurves, request: EditStyleRequest) -> StyleCurves:
 
 
 @list_styles.show
-def _print_list(found: dict[str, Any], request: ListStylesRequest, console: Console) -> int:
+def _print_list(found: dict[str, Any], request: ListStylesRequest, console: Console) -> None:
     if find_json_target(request) is not None:
-        return DID_IT
+        return
     texts = ("style", "about")
     table = make_table((*texts, "curves", "duration [s]", "rises at [s]"), left=texts)
     for row in found["styles"]:
@@ -190,7 +189,6 @@ def _print_list(found: dict[str, Any], request: ListStylesRequest, console: Cons
         spans = (_span([curve[key] for curve in curves]) for key in ("duration_s", "rise_s"))
         table.add_row(row["name"], row["about"], str(len(curves)), *spans)
     console.print(table)
-    return DID_IT
 
 
 def _span(values: list[float]) -> str:
@@ -199,7 +197,7 @@ def _span(values: list[float]) -> str:
 
 
 @show_styles.show
-def _print_points(found: dict[str, Any], request: ShowStylesRequest, console: Console) -> int:
+def _print_points(found: dict[str, Any], request: ShowStylesRequest, console: Console) -> None:
     for style in found["styles"] if find_json_target(request) is None else ():
         console.print(escape(f"{style['name']}: {style['about']}"), soft_wrap=True)
         for curve in style["curves"]:
@@ -209,13 +207,11 @@ def _print_points(found: dict[str, Any], request: ShowStylesRequest, console: Co
             for key, digits in (("neck_height", 2), ("side_deg", 0), ("front_deg", 0)):
                 table.add_row(key, *(f"{value:.{digits}f}" for value in curve[key]))
             console.print(table)
-    return DID_IT
 
 
 @edit_style.show
-def _print_edited(found: EditedStyle, request: EditStyleRequest, console: Console) -> int:
+def _print_edited(found: EditedStyle, request: EditStyleRequest, console: Console) -> None:
     print_times(request.out, found.after, console, before=found.before)
-    return DID_IT
 
 
 def print_times(file: Path, style: Style, console: Console, before: Style | None = None) -> None:

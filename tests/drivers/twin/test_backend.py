@@ -8,27 +8,12 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from drivers import Command, Ending, SafetyGuard, Twin, run
+from drivers import Command, SafetyGuard, Twin
 from drivers.errors import SetupError
 from drivers.servo_units import ServoUnits
 from drivers.twin.simulation import SimulationOptions, build_flat_world
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
-
-
-class Hold:
-    """Hold one command."""
-
-    done = False
-
-    def __init__(self, command):
-        self.command = command
-
-    def reset(self, state):
-        pass
-
-    def step(self, _state):
-        return self.command
 
 
 def play(twin, command, cycles):
@@ -72,6 +57,12 @@ def test_a_placed_robot_is_at_rest_and_its_clock_at_zero(tiny):
     assert state.orientation == pytest.approx(quaternion.IDENTITY), "a robot does not know its yaw"
 
 
+def in_the_air(orientation=quaternion.IDENTITY, joint_pos=0.0) -> Posture:
+    """Place the tiny robot where nothing touches it."""
+    joints = np.full(2, joint_pos)
+    return Posture(position=np.array([0.0, 0.0, 5.0]), orientation=orientation, joint_pos=joints)
+
+
 def test_sensors_have_the_resolution_of_the_real_ones(op3):
     twin = Twin(op3)
     state = play(twin, Command.position(op3, op3.standing.joint_pos + 0.2), 10)
@@ -90,13 +81,7 @@ def test_sensors_have_the_resolution_of_the_real_ones(op3):
 
 def test_gyro_is_the_mean_turn_rate_in_the_imu_frame(tiny):
     twin = Twin(tiny)
-    twin.place(
-        Posture(
-            position=np.array([0.0, 0.0, 5.0]),
-            orientation=quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.5),
-            joint_pos=np.zeros(2),
-        )
-    )
+    twin.place(in_the_air(quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.5)))
     spin = twin.data.qvel[3:6]  # root frame
     spin[:] = [0.5, 1.0, -2.0]
     before = twin.truth.posture.orientation
@@ -109,13 +94,7 @@ def test_gyro_is_the_mean_turn_rate_in_the_imu_frame(tiny):
 def test_a_lower_supply_makes_slower_servos(tiny):
     def swing(voltage):
         twin = Twin(tiny, voltage=voltage)
-        twin.place(
-            Posture(
-                position=np.array([0.0, 0.0, 5.0]),
-                orientation=quaternion.IDENTITY,
-                joint_pos=np.full(2, -1.0),
-            )
-        )
+        twin.place(in_the_air(joint_pos=-1.0))
         return play(twin, Command.position(tiny, np.full(2, 1.0)), 12).joint_vel.mean()
 
     # No load but the servo's own friction: speed goes with voltage, less the loss
@@ -127,29 +106,27 @@ def test_a_lower_supply_makes_slower_servos(tiny):
 def test_a_stalled_servo_heats_up_and_is_stopped_by_the_guard(tiny):
     twin = Twin(tiny, options=SimulationOptions(period=0.1))  # few cycles, and the same physics
     twin.model.jnt_range[1:] = [[0.0, 0.001]] * 2  # legs that cannot move
-    report = run(Hold(Command.position(tiny, np.full(2, 1.0))), SafetyGuard(twin), max_time=200.0)
-    assert report.ending is Ending.FAULT
-    assert "°C" in report.reason
-    # 2.3 A through 12 V / 2.3 A are 27.6 W; 50 K times 41 J/K of them take 74 s. Cooling
-    # adds some, and from 65 °C on the guard takes torque away.
-    assert 90.0 < report.duration < 200.0
-    assert report.clips.torque.min() > 0
+    stall = Command.position(tiny, np.full(2, 1.0))
+    with SafetyGuard(twin) as guard:
+        while guard.fault is None and (time := guard.read().time) < 40.0:
+            guard.write(stall)
+            if time == pytest.approx(10.0):
+                # 2.3 A through 12 V / 2.3 A are 27.6 W, in 41 J/K; cooling takes a little.
+                heated = twin.simulation.temperature - 25.0
+                assert heated == pytest.approx([27.6 / 41.0 * 10.0] * 2, rel=0.02)
+                twin.simulation.temperature[:] = 75.4  # from 65 °C on, less torque
+        assert "°C" in str(guard.fault) and 10.0 < time < 40.0
+        assert guard.clips.torque.min() > 0
 
 
-@pytest.mark.parametrize(("period", "words"), [(0.005, "not a multiple"), (0.0, "not a multiple")])
-def test_a_period_must_fit_the_physics(tiny, period, words):
-    with pytest.raises(SetupError, match=words):
-        Twin(tiny, options=SimulationOptions(period=period))
-
-
-def test_physics_must_be_fine_enough(tiny):
+def test_physics_that_do_not_fit_the_robot_are_refused(tiny):
+    for period in (0.005, 0.0):
+        with pytest.raises(SetupError, match="not a multiple"):
+            Twin(tiny, options=SimulationOptions(period=period))
     model = build_flat_world(tiny)
     model.opt.timestep = 0.004
     with pytest.raises(SetupError, match=r"0\.004 s, expected at most 0\.002 s"):
         Twin(World(tiny, model=model))
-
-
-def test_a_model_without_the_robots_servos_is_refused(tiny):
     bare = mujoco.MjModel.from_xml_path(str(tiny.model_file))
     with pytest.raises(SetupError, match="no servo for: l_hip, r_hip"):
         Twin(World(tiny, model=bare))

@@ -59,15 +59,6 @@ def test_it_turns_until_the_controller_is_done(tiny, backend):
     assert not backend.connected
 
 
-def test_a_guards_fault_ends_the_run_limp(tiny, backend):
-    controller = Hold(tiny, spoil=lambda: Command.position(tiny, np.full(2, np.nan)))
-    report = run(controller, SafetyGuard(backend), max_time=1.0)
-    assert report.ending is Ending.FAULT
-    assert "target is nan rad" in report.reason
-    assert report.cycles == 3
-    assert backend.received[-1].is_limp
-
-
 @pytest.mark.parametrize("cycles", [0, 7])
 def test_a_stop_after_the_last_command_ends_the_run_as_one_before_it(tiny, backend, cycles):
     guard = SafetyGuard(backend)
@@ -122,11 +113,12 @@ def fail(error: BaseException) -> Command:
     ("spoil", "ending", "reason", "cycles"),
     [
         (lambda: fail(DriverError("port gone")), Ending.FAULT, "port gone", 2),
+        (lambda: Command.limp(3), Ending.FAULT, "target has shape (3,)", 3),  # the guard's fault
         (lambda: fail(KeyboardInterrupt()), Ending.INTERRUPTED, "", 2),
         (suspend, Ending.INTERRUPTED, "", 2),  # Ctrl-Z
         (lambda: fail(ZeroDivisionError()), None, "", 0),  # a controller's bug is not swallowed
     ],
-    ids=["device", "Ctrl-C", "Ctrl-Z", "bug"],
+    ids=["device", "guard", "Ctrl-C", "Ctrl-Z", "bug"],
 )
 def test_whatever_ends_a_run_leaves_the_robot_closed(tiny, backend, spoil, ending, reason, cycles):
     before = signal.getsignal(signal.SIGTSTP)
@@ -134,6 +126,7 @@ def test_whatever_ends_a_run_leaves_the_robot_closed(tiny, backend, spoil, endin
         report = run(Hold(tiny, spoil=spoil), SafetyGuard(backend), max_time=1.0)
         assert (report.ending, report.cycles) == (ending, cycles)
         assert reason in (report.reason or "")
+        assert backend.received[-1].is_limp == (cycles == 3)
     assert not backend.connected
     assert signal.getsignal(signal.SIGTSTP) is before
 

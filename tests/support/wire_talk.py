@@ -61,3 +61,11 @@ def read(device: VirtualDevice, name: str) -> int:
 def sense(servo: VirtualServo, **measured: float) -> None:
     """Set what a servo measures; anything not given is at rest."""
     servo.sense(Measured(**{"ticks": 2048.0, "temperature": ROOM} | measured))
+
+
+def powered(**registers: int) -> VirtualServo:
+    """Make a servo under torque, with some registers set before."""
+    servo = VirtualServo(1)
+    for name, value in (registers | {"torque_enable": 1}).items():
+        assert write(servo, name, value) == 0
+    return servo

@@ -3,15 +3,17 @@
 import contextlib
 import os
 import sys
+import threading
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from lerobot.robots import make_robot_from_config
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 from lerobot_robot_getup import GetupRobot, GetupRobotConfig, SwingTeleop, SwingTeleopConfig
-from lerobot_robot_getup.robot_thread import RobotStoppedError, RobotThread
+from lerobot_robot_getup.pilot import Pilot
+from lerobot_robot_getup.robot_thread import RobotStoppedError
+from waiting import wait_until
 
 from drivers import DriverError, Twin
 from drivers.errors import UnreleasedError
@@ -21,14 +23,6 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 
 PAN = "head_pan.pos"
-
-
-def wait_until(holds: Callable[[], bool], longest: float = 120.0) -> None:
-    """Wait until something holds; fail if it never does."""
-    end = time.monotonic() + longest
-    while not holds():
-        assert time.monotonic() < end, f"never within {longest:g} s"
-        time.sleep(0.005)
 
 
 def twin_of(robot: GetupRobot) -> Twin:
@@ -56,15 +50,10 @@ def move(robot: GetupRobot, **numbers: float) -> None:
     wait_until(has_arrived)
 
 
-def test_lerobot_makes_it_from_its_configuration(make):
-    config = make().config
-    robot = make_robot_from_config(config)
-    assert isinstance(robot, GetupRobot)
-    assert robot.name == "getup"
-
-
 def test_features_are_known_before_it_is_connected(make):
     robot = make()
+    assert isinstance(make_robot_from_config(robot.config), GetupRobot)
+    assert robot.name == GetupRobotConfig().type == "getup"
     assert not robot.is_connected
     assert robot.action_features == SwingTeleop(SwingTeleopConfig()).action_features
     assert len(robot.action_features) == 20
@@ -132,13 +121,9 @@ def test_the_first_action_is_approached_slowly_and_later_ones_at_once(connect, o
     moved = 20.0 - robot.send_action({PAN: 15.0})[PAN]
     fastest = np.degrees(op3.max_velocity[op3.joint_names.index("head_pan")]) * op3.control_period
     assert 2.0 * step < moved <= fastest + 0.1, "the guard limits it to the servo's speed"
-
-
-def test_the_answer_is_what_the_guard_sent(connect, op3: Robot):
-    robot, key = connect(approach_speed=6000.0), "head_tilt.pos"
-    highest = np.degrees(op3.upper[op3.joint_names.index("head_tilt")])
+    highest, key = np.degrees(op3.upper[op3.joint_names.index("head_tilt")]), "head_tilt.pos"
     wait_until(lambda: robot.send_action({key: 500.0})[key] > 0.99 * highest)
-    assert robot.send_action({key: 500.0})[key] <= highest + 0.1  # a tick
+    assert robot.send_action({key: 500.0})[key] <= highest + 0.1, "a tick: what the guard sent"
 
 
 def test_joints_are_held_while_lerobot_is_silent(connect, op3: Robot, caplog):
@@ -213,33 +198,19 @@ def test_a_robot_that_cannot_rise_says_why_and_stays_limp(connect, monkeypatch):
 
 
 def test_it_is_disconnected_while_it_plans(connect, monkeypatch):
-    planning = []
-    monkeypatch.setattr(PlannedRise, "plan", note_and(planning, PlannedRise.plan))
+    planning, plan = threading.Event(), PlannedRise.plan
+    monkeypatch.setattr(PlannedRise, "plan", lambda *given: planning.set() or plan(*given))
     robot = connect(start="supine")
+    # At Python's own interval a loop over a wire, which waits often, gets a fifth of its turns.
+    assert sys.getswitchinterval() <= 0.001
     robot.send_action({PAN: 0.0})
-    wait_until(lambda: bool(planning))
+    assert planning.wait(120.0)
     twin = twin_of(robot)
     robot.disconnect()
     assert not twin.simulation.has_torque
 
 
-def note_and(calls: list[int], function):
-    """Note every call of a function."""
-
-    def call(*arguments, **options):
-        calls.append(1)
-        return function(*arguments, **options)
-
-    return call
-
-
-def test_a_busy_thread_of_lerobot_leaves_the_loop_its_turn(connect):
-    """At Python's own interval a loop over a wire, which waits often, gets a fifth of its turns."""
-    connect()
-    assert sys.getswitchinterval() <= 0.001
-
-
-def test_a_fault_is_raised_by_the_next_call_and_torque_stays_off(connect):
+def test_a_fault_or_error_is_raised_by_the_next_call_and_torque_stays_off(connect, monkeypatch):
     robot = connect()
     robot.send_action({PAN: 0.0})
     assert robot._thread is not None
@@ -249,12 +220,9 @@ def test_a_fault_is_raised_by_the_next_call_and_torque_stays_off(connect):
             wait_until(lambda use=use: not use())
     assert not twin_of(robot).simulation.has_torque
     robot.disconnect()
-
-
-def test_an_unexpected_error_ends_with_torque_off_and_is_named(connect, monkeypatch):
-    robot = connect()
+    robot.connect()
     robot.send_action({PAN: 0.0})
-    monkeypatch.setattr(RobotThread, "leans", lambda *_: 1 / 0)
+    monkeypatch.setattr(Pilot, "leans", lambda *_: 1 / 0)
     with pytest.raises(RobotStoppedError, match="division by zero"):
         wait_until(lambda: not robot.get_observation())
     assert not twin_of(robot).simulation.has_torque
@@ -293,41 +261,35 @@ def test_a_forked_child_cannot_move_or_end_the_robot(connect):
     move(robot, head_pan=10.0)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"model": "no_robot"}, "no_robot"),
-        ({"backend": "real"}, "--robot.backend is 'real'"),
-        ({"backend": "dynamixel"}, "--robot.backend dynamixel requires --robot.port"),
-        ({"port": "/dev/ttyUSB0"}, "--robot.port is /dev/ttyUSB0"),
-        ({"rise": "jump"}, "--robot.rise is 'jump'"),
-        ({"attempts": 0}, "--robot.attempts is 0"),
-        ({"torque_limit": -1.0}, "--robot.torque_limit is -1"),
-        ({"max_speed": 0.0}, "--robot.max_speed is 0 deg/s, expected more than 0 deg/s"),
-        ({"approach_speed": -1.0}, "--robot.approach_speed is -1 deg/s"),
-        ({"fallen_tilt": 0.0}, "--robot.fallen_tilt is 0 deg, expected between 0 and 180 deg"),
-    ],
-)
-def test_a_configuration_that_does_not_fit_is_refused(options, message: str, make):
-    with pytest.raises(BadInputError) as refused:
-        make(**options)
-    assert message in str(refused.value)
-    assert "\n" not in str(refused.value)
+REFUSED = [
+    ({"model": "no_robot"}, "no_robot"),
+    ({"backend": "real"}, "--robot.backend is 'real'"),
+    ({"backend": "dynamixel"}, "--robot.backend dynamixel requires --robot.port"),
+    ({"port": "/dev/ttyUSB0"}, "--robot.port is /dev/ttyUSB0"),
+    ({"rise": "jump"}, "--robot.rise is 'jump'"),
+    ({"attempts": 0}, "--robot.attempts is 0"),
+    ({"torque_limit": -1.0}, "--robot.torque_limit is -1"),
+    ({"max_speed": 0.0}, "--robot.max_speed is 0 deg/s, expected more than 0 deg/s"),
+    ({"approach_speed": -1.0}, "--robot.approach_speed is -1 deg/s"),
+    ({"fallen_tilt": 0.0}, "--robot.fallen_tilt is 0 deg, expected between 0 and 180 deg"),
+]
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
+def test_a_configuration_that_does_not_fit_is_refused(make):
+    for options, message in REFUSED:
+        with pytest.raises(BadInputError) as refused:
+            make(**options)
+        assert message in str(refused.value)
+        assert "\n" not in str(refused.value)
+    for options, message in (  # as it connects
         ({"start": "upside"}, "unknown start 'upside'"),
         ({"backend": "dynamixel", "port": "/dev/no_port"}, "/dev/no_port"),
         ({"torque_limit": 99.0}, "torque limit is 99 N·m, expected at most"),
-    ],
-)
-def test_a_robot_that_cannot_be_opened_is_refused_as_it_connects(options, message: str, make):
-    robot = make(**options)
-    with pytest.raises((BadInputError, DriverError), match=message):
-        robot.connect()
-    assert not robot.is_connected
+    ):
+        robot = make(**options)
+        with pytest.raises((BadInputError, DriverError), match=message):
+            robot.connect()
+        assert not robot.is_connected
 
 
 def test_a_swing_is_about_the_stand(op3: Robot):
@@ -344,7 +306,3 @@ def test_a_swing_is_about_the_stand(op3: Robot):
     assert np.abs(np.array(actions) - op3.standing.joint_pos).max() <= np.radians(10.0) + 1e-9
     with pytest.raises(ValueError, match=r"--teleop\.joints: unknown joint 'tail'"):
         SwingTeleop(SwingTeleopConfig(joints=["tail"]))
-
-
-def test_a_config_is_registered_under_its_name():
-    assert GetupRobotConfig().type == "getup"

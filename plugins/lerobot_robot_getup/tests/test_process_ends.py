@@ -5,10 +5,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from waiting import wait_until
 
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import RealTimeRobot
@@ -32,14 +33,6 @@ try:
 finally:
     robot.disconnect()
 """
-
-
-def wait_until(holds: Callable[[], bool], longest: float = 120.0) -> None:
-    """Wait until something holds; fail if it never does."""
-    end = time.monotonic() + longest
-    while not holds():
-        assert time.monotonic() < end, f"never within {longest:g} s"
-        time.sleep(0.005)
 
 
 @pytest.fixture

@@ -24,10 +24,6 @@ from drivers.dynamixel.protocol2 import (
 )
 
 
-def hexed(text: str) -> bytes:
-    return bytes.fromhex(text.replace("|", " "))
-
-
 def bitwise_crc(data: bytes) -> int:
     """Divide by x^16 + x^15 + x^2 + 1, bit by bit."""
     crc = 0
@@ -59,22 +55,24 @@ def contents(frame: bytes) -> Packet:
 
 
 # From the e-manual; its other frames are those of the virtual bus's `test_chain.py`.
-FAST = [
+FAST = [  # data by id
     (
-        [Status(i, 0, hexed(d)) for i, d in ((3, "A6000000"), (7, "1F080000"), (4, "FF030000"))],
-        "FFFFFD00 FE 1900 55 | 00 03 A6000000 8408 | 00 07 1F080000 16CA | 00 04 FF030000 D19E",
+        {3: "A6000000", 7: "1F080000", 4: "FF030000"},
+        "FFFFFD00 FE 1900 55 00 03 A6000000 8408 00 07 1F080000 16CA 00 04 FF030000 D19E",
     ),
     (
-        [Status(i, 0, hexed(d)) for i, d in ((3, "A6000000"), (7, "A501"), (4, "1F"))],
-        "FFFFFD00 FE 1400 55 | 00 03 A6000000 67A4 | 00 07 A501 2474 | 00 04 1F D9C1",
+        {3: "A6000000", 7: "A501", 4: "1F"},
+        "FFFFFD00 FE 1400 55 00 03 A6000000 67A4 00 07 A501 2474 00 04 1F D9C1",
     ),
 ]
 
 
 def test_a_fast_status_is_the_published_bytes_both_ways():
-    for answers, published in FAST:
-        assert encode_fast_status(answers) == hexed(published)
-        assert p2.decode_fast_status(hexed(published), [len(a.data) for a in answers]) == answers
+    for data, published in FAST:
+        answers = [Status(device, 0, bytes.fromhex(text)) for device, text in data.items()]
+        assert encode_fast_status(answers) == bytes.fromhex(published)
+        lengths = [len(answer.data) for answer in answers]
+        assert p2.decode_fast_status(bytes.fromhex(published), lengths) == answers
 
 
 @given(data=st.binary(max_size=300), cut=st.integers(0, 300))
@@ -129,30 +127,19 @@ def test_frames_are_found_however_the_stream_is_cut_and_whatever_lies_between(
     assert parser.pending == 0
 
 
-def test_a_header_with_an_impossible_id_or_length_is_noise():
-    for start in ("FD 0300", "FF 0300", "01 0200", "01 0000", "01 FFFF"):
+def test_a_frame_behind_or_inside_a_damaged_one_is_found():
+    ping = Packet(9, Instruction.PING)
+    for start in ("FD 0300", "FF 0300", "01 0200", "01 0000", "01 FFFF"):  # impossible
         parser = FrameParser()
-        assert parser.feed(HEADER + hexed(start) + p2.ping(3).encode()) == [
-            Packet(3, Instruction.PING)
-        ]
+        assert parser.feed(HEADER + bytes.fromhex(start) + ping.encode()) == [ping]
         assert parser.noise == PREFIX
-
-
-def test_a_frame_inside_a_damaged_one_is_found():
-    inner = p2.ping(9).encode()
-    outer = HEADER + bytes((1, 20, 0, Instruction.WRITE)) + inner + bytes(9)
-    damaged, packet = FrameParser().feed(outer)
-    assert isinstance(damaged, Damaged)
-    assert (damaged.id, damaged.instruction, damaged.frame) == (1, Instruction.WRITE, outer)
-    assert packet == Packet(9, Instruction.PING)
-
-
-def test_a_damaged_length_swallows_the_frames_behind_it_only_until_given_up():
+    outer = HEADER + bytes((1, 20, 0, Instruction.WRITE)) + ping.encode() + bytes(9)
+    assert FrameParser().feed(outer) == [Damaged(1, Instruction.WRITE, outer), ping]
     frames = [Status(i, 0, bytes(10)).encode() for i in range(1, 6)]
     stream = bytearray(b"".join(frames))
     stream[6] ^= 0x08  # the first frame now claims 2048 bytes more
     parser = FrameParser()
-    assert parser.feed(bytes(stream)) == []
+    assert parser.feed(bytes(stream)) == [], "it swallows the others until it is given up"
     found = parser.give_up()
     assert [p.id for p in found if isinstance(p, Packet)] == [2, 3, 4, 5]
     assert (parser.pending, parser.noise) == (0, len(frames[0]))

@@ -14,6 +14,9 @@ from robots.description.servo_catalog import servo_models
 
 RPM = 2.0 * np.pi / 60.0
 COUNTS = st.integers(-300, 300)
+PERIOD = 0.008
+BEGIN = 50.0  # s on the clock
+REACH = 134  # ticks: 30, and 20 rad/s (13038 ticks/s) for one period
 
 
 def reply(device: int, ticks: int, velocity: int = 0, current: int = 0, error: int = 0) -> Status:
@@ -43,7 +46,8 @@ def test_velocity_and_current_have_the_sign_of_the_joint(tiny, velocity, current
     assert states.current == pytest.approx([2.69e-3 * current, -2.69e-3 * current])
 
 
-def test_torque_that_is_off_twice_in_a_row_is_a_restart_and_once_is_not(states):
+def test_torque_that_is_off_twice_in_a_row_is_a_restart_and_a_silence_may_be_one(states):
+    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN)
     for row in (0, 1):
         states.note_ready(row)
     states.note_on(np.array([0, 1]))
@@ -55,6 +59,9 @@ def test_torque_that_is_off_twice_in_a_row_is_a_restart_and_once_is_not(states):
     states.update_background(0, TORQUE, b"\0")
     assert states.is_on.tolist() == [False, True]
     assert states.is_ready.tolist() == [False, True]
+    for at, is_unsure in ((2.4, False), (5.0, True)):  # it was silent for so long
+        update(states, reply(1, 2000), reply(2, 1000), now=BEGIN + at * PERIOD)
+        assert states.is_unsure.tolist() == [False, is_unsure]
 
 
 def test_torque_needs_a_servo_that_is_ready_fresh_and_unlocked(states):
@@ -70,11 +77,6 @@ def test_torque_needs_a_servo_that_is_ready_fresh_and_unlocked(states):
     assert states.permit_torque(every, every, was_paused=False).tolist() == [False, True]
     states.permit_torque(~every, every, was_paused=False)
     assert states.permit_torque(every, every, was_paused=False).all(), "released in between"
-
-
-PERIOD = 0.008
-BEGIN = 50.0  # s on the clock
-REACH = 134  # ticks: 30, and 20 rad/s (13038 ticks/s) for one period
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -118,14 +120,6 @@ def test_a_joint_that_was_turned_or_restarts_is_where_it_was_or_can_be(
     update(states, reply(1, before), reply(2, 1000), now=BEGIN)
     update(states, reply(1, register), now=BEGIN + 10.0)
     assert states.ticks[0] == ticks
-
-
-@pytest.mark.parametrize(("silence", "is_unsure"), [(2.4, False), (2.6, True)])
-def test_a_servo_under_torque_that_was_silent_may_have_restarted(states, silence, is_unsure):
-    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN)
-    states.note_on(np.array([0]))
-    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN + silence * PERIOD)
-    assert states.is_unsure.tolist() == [is_unsure, False]
 
 
 def test_an_alert_keeps_its_known_cause_until_it_is_gone(states):

@@ -1,16 +1,20 @@
-"""Startup: what is refused before a port opens, how long it waits, and what it measures."""
+"""Startup: what is refused, how long it waits, what it opens, sets and measures."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from memory_port import MemoryPort
 from memory_rig import Rig
 
 from drivers import serial_port
 from drivers.dynamixel import startup
-from drivers.dynamixel.diagnostics import DiagnosticsError
+from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
+from drivers.dynamixel.configuration import ServoSetup, list_eeprom_settings
+from drivers.dynamixel.diagnostics import DIAGNOSED, DiagnosticsError, ServoFacts, read_items
 from drivers.dynamixel.protocol2 import Instruction
+from drivers.dynamixel.robot_ports import build_ports, find_imu, open_ports, using_margin
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.startup import (
     BOOT_MARGIN,
@@ -23,9 +27,15 @@ from drivers.dynamixel.startup import (
     measure_once,
 )
 from drivers.errors import SetupError
-from robots import Robot
+from drivers.imu.bno08x_rvc import Bno08xRvc
+from drivers.serial_port import PortError
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.servo import VirtualServo
+from robots import ImuSettings, Robot
 from robots.bench import make_bench_joint
 from robots.description.servo_catalog import servo_models
+from robots.imu import IMU_PORT
+from robots.servo import LimitMode
 
 
 def test_a_description_fits_its_ports_and_its_imu_or_is_refused(tiny: Robot):
@@ -119,3 +129,151 @@ def test_single_reads_that_wait_for_the_adapter_need_a_longer_period(
         "set control_period in robot.toml to 0.022"
     ] * refused
     assert check_period(bus, joints, 0.022) == []
+
+
+# Ports of a robot --------------------------------------------------------------------------------
+
+
+PATHS = {"left": "/dev/a", "right": "/dev/b", "main": "/dev/c"}
+
+
+class NamedPort(MemoryPort):
+    def __init__(self, path: str, baud: int) -> None:
+        super().__init__(None, baud)
+        self.path = path
+
+
+def test_the_imu_is_the_board_a_line_of_its_own_or_none(tiny: Robot):
+    ports = build_ports(tiny, PATHS, NamedPort, answer_margin=0.01)
+    assert find_imu(tiny, ports, PATHS) is ports[0].board
+    own = replace(tiny, imu=ImuSettings(kind="bno08x", port="/dev/described"))
+    assert isinstance(find_imu(own, ports, PATHS), Bno08xRvc)
+    assert find_imu(own, ports, PATHS).name.endswith("/dev/described")
+    assert find_imu(own, ports, PATHS | {IMU_PORT: "/dev/named"}).name.endswith("/dev/named")
+    bare = replace(tiny, bus=replace(tiny.bus, board=None), imu=None)
+    assert find_imu(bare, build_ports(bare, PATHS, NamedPort, answer_margin=0.01), PATHS) is None
+
+
+def test_every_port_that_does_not_open_is_named():
+    buses = [DynamixelBus(NamedPort(path, 1_000_000)) for path in PATHS.values()]
+    for bus in buses:
+        bus.return_delay = 0.0
+    buses[0].port.unplugged = True
+    with pytest.raises(PortError, match=r"^port /dev/a: does not exist$"):
+        open_ports(buses)
+    buses[2].port.unplugged = True
+    both = r"^port /dev/a: does not exist; port /dev/c: does not exist$"
+    with pytest.raises(SetupError, match=both):
+        open_ports(buses)
+    assert buses[1].port.is_open
+    assert {bus.return_delay for bus in buses} == {FACTORY_RETURN_DELAY}
+
+
+def test_a_margin_is_each_bus_own_again_after_the_block_even_after_an_error():
+    buses = [DynamixelBus(NamedPort("", 1_000_000), answer_margin=m) for m in (0.001, 0.002)]
+    with pytest.raises(KeyboardInterrupt), using_margin(iter(buses), 0.5):
+        assert [bus.answer_margin for bus in buses] == [0.5, 0.5]
+        raise KeyboardInterrupt
+    assert [bus.answer_margin for bus in buses] == [0.001, 0.002]
+
+
+def test_servos_without_known_registers_are_refused_in_one_line(tiny: Robot):
+    unknown = replace(servo_models()["STS3250-C001"], name="home-made")
+    joints = tuple(
+        replace(joint, servo=replace(joint.servo, model=unknown)) for joint in tiny.joints
+    )
+    with pytest.raises(SetupError, match="has servos home-made, expected those with") as caught:
+        build_ports(replace(tiny, joints=joints), PATHS, NamedPort, answer_margin=0.01)
+    assert str(caught.value).endswith("by --backend twin")
+
+
+# Registers that a servo needs before it may move, set one instruction a step ---------------------
+
+
+BAUD = 1_000_000
+RAM = {
+    "torque_enable": 0,
+    "status_return_level": 2,
+    "bus_watchdog": 0,
+    "position_i_gain": 0,
+    "position_p_gain": 800,
+    "feedforward_2nd_gain": 0,
+    "feedforward_1st_gain": 0,
+    "profile_acceleration": 0,
+    "profile_velocity": 0,
+}
+EEPROM = {
+    "return_delay_time": 0,
+    "drive_mode": 0,
+    "operating_mode": 5,
+    "max_position_limit": 4095,
+    "min_position_limit": 0,
+}
+
+
+class Bench:
+    """A servo as it left the factory, and the bus that it is on."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.joint = robot.joints[0]
+        self.servo = VirtualServo(self.joint.servo.id, firmware=46, baud=BAUD)
+        self.port = MemoryPort(Chain([self.servo]), BAUD)
+        self.port.open()
+        self.bus = DynamixelBus(self.port, sleeps=False)
+
+    def facts(self) -> ServoFacts:
+        registers = read_items(self.bus, self.servo.id, self.servo.table, DIAGNOSED)
+        assert registers is not None
+        return ServoFacts(
+            joint=self.joint, table=self.servo.table, firmware=46, registers=registers
+        )
+
+    def setup(self, by: LimitMode = "current", *, recheck: bool = False) -> ServoSetup:
+        return ServoSetup(self.facts(), by, recheck=recheck)
+
+
+@pytest.fixture
+def bench(tiny: Robot) -> Bench:
+    return Bench(tiny)
+
+
+def test_whatever_was_written_before_all_registers_are_set(bench: Bench):
+    for name in RAM.keys() - {"status_return_level"}:  # a lower one confirms no write
+        bench.servo.poke(name, 1)
+    bench.servo.poke("drive_mode", 4)
+    bench.servo.poke("max_position_limit", 3000)
+    setup = bench.setup()
+    assert setup.run(bench.bus) and setup.done and setup.failed == ""
+    found = {name: bench.servo.peek(name) for name in RAM | EEPROM}
+    assert found == RAM | EEPROM
+    assert setup.eeprom_writes == 4, "the lower limit was right"
+    assert list_eeprom_settings(bench.facts(), "current") == {}
+    again = bench.setup()
+    assert again.run(bench.bus) and again.eeprom_writes == 0
+    failing = bench.setup(by="pwm")
+    assert failing.step(bench.bus)
+    bench.servo.write(64, b"\x01")  # torque is on again: the EEPROM is locked
+    assert not failing.run(bench.bus)
+    assert failing.failed == "operating_mode = 4 is not confirmed (error 7)"
+
+
+@pytest.mark.parametrize(
+    ("item", "changed"), [("return_delay_time", 250), ("drive_mode", 4), ("operating_mode", 3)]
+)
+def test_a_servo_that_may_have_restarted_is_read_again_before_it_is_set_up(
+    bench: Bench, item: str, changed: int
+):
+    """What was known of it may be of another servo, that was changed meanwhile."""
+    bench.setup().run(bench.bus)
+    setup = bench.setup(recheck=True)
+    bench.servo.poke(item, changed)
+    assert setup.run(bench.bus) and setup.eeprom_writes == 1
+    assert bench.servo.peek(item) == EEPROM[item]
+    for item, value in (("model_number", 1060), ("firmware_version", 44)):
+        setup, before = bench.setup(recheck=True), bench.servo.peek(item)
+        bench.servo.poke(item, value)
+        bench.port.sent.clear()
+        assert not setup.run(bench.bus) and not setup.done, "another servo is in its place"
+        assert "now, not the XM430-W350 of the start" in setup.failed
+        assert bench.port.frames(Instruction.WRITE) == []
+        bench.servo.poke(item, before)

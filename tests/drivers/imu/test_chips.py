@@ -33,6 +33,8 @@ def test_a_bno055_answers_frames_as_its_data_sheet_shows():
     assert chip.receive(bytes.fromhex("AA 01 0A 04")) == bytes.fromhex("BB 04 6400 D503")
     assert chip.receive(bytes.fromhex("AA 01 70 20")) == bytes.fromhex("EE 04"), "too far"
     assert chip.receive(b"\x55") == bytes.fromhex("EE 06"), "no start byte"
+    counts = np.frombuffer(to_counts(np.array([40_000.0, -40_000.0, 0.6]), 1.0), "<i2")
+    assert counts.tolist() == [32767, -32768, 1]
 
 
 def bno055(*frames: str, reading: ImuReading = READING) -> VirtualBno055:
@@ -209,14 +211,9 @@ def test_zeros_of_a_bno055_count_in_the_mode_that_it_was_set_to():
         chip.pages[0][0x08], chip.pages[0][0x3D] = 0, mode
         cycles(source, 100)
         assert chip.pages[0][0x3D] == 5, f"set again from mode {mode}"
-
-
-@pytest.mark.usefixtures("counted_time")
-def test_registers_of_the_other_page_are_no_sample():
-    chip, source = measuring_055()
     chip.pages[1][:] = chip.pages[0]
     chip.pages[0][7] = chip.pages[1][7] = 1
-    assert cycles(source, 5) == []
+    assert cycles(source, 5) == [], "registers of the other page are no sample"
     assert source.damaged == 5
 
 
@@ -250,40 +247,19 @@ def test_the_driver_of_a_bno08x_asks_for_and_reads_what_its_manual_means():
         bytes.fromhex(f"1500 02 02 FD 02 {feature}"),
     ]
     # 1 m/s² are 256 counts, 1 rad/s are 512.
-    chip.packets.append(packet_of("0000 0001 00F7", "0002 00FE 0000"))
+    packet = bytes.fromhex(
+        "1D00 03 00 FB 00000000  01 00 03 00 0000 0001 00F7  02 00 03 00 0002 00FE 0000"
+    )
+    chip.packets.append(packet)
     sample = source.poll()
     assert sample is not None
     assert sample.accelerometer == pytest.approx([0.0, 1.0, -9.0])
     assert sample.gyro == pytest.approx([1.0, -1.0, 0.0])
     assert source.poll() is None, "nothing has come since"
 
-
-def packet_of(accelerometer: str, gyro: str) -> bytes:
-    """Make a packet of two reports, of three counts each."""
-    reports = f"FB 00000000  01 00 03 00 {accelerometer}  02 00 03 00 {gyro}"
-    return bytes.fromhex("1D00 03 00" + reports)
-
-
-def measuring_08x() -> tuple[Memory08x, ImuSource]:
-    chip = Memory08x()
-    source = build_i2c_source(ImuSettings(kind="bno08x", connection="i2c"), chip)
-    chip.packets.append(bytes.fromhex("1400 02 00 F8") + bytes(15))
-    source.open()
-    return chip, source
-
-
-def test_a_packet_whose_length_changes_while_it_is_read_is_damaged():
-    chip, source = measuring_08x()
-    packet = packet_of("0000 0000 0001", "0001 0000 0000")
-
     def exchange(_data: bytes, count: int) -> bytes:
         return packet[:4] if count == 4 else b"\x1c" + packet[1:]
 
     chip.exchange = exchange  # type: ignore[method-assign]
-    assert source.poll() is None
+    assert source.poll() is None, "its length changed while it was read"
     assert source.damaged > 0
-
-
-def test_counts_stay_within_their_two_bytes():
-    counts = np.frombuffer(to_counts(np.array([40_000.0, -40_000.0, 0.6]), 1.0), "<i2")
-    assert counts.tolist() == [32767, -32768, 1]

@@ -47,12 +47,19 @@ def turn(bench: ServiceBench, joint: str, ticks: float) -> None:
     bench.servo(joint).sense(Measured(ticks=ticks))
 
 
-def test_positions_are_those_of_the_registers(bench: ServiceBench):
+def test_positions_are_those_of_the_registers_and_zeros_follow_from_them(
+    bench: ServiceBench,
+):
     with bench.open() as bus:
         turn(bench, "l_hip", 1234.0)
         turn(bench, "r_hip", 3000.0)
         assert read_ticks(bus, bus.robot.actuators) == {"l_hip": 1234, "r_hip": 3000}
         assert read_ticks(bus, bus.robot.actuators[1:]) == {"r_hip": 3000}
+        # A quarter turn is 1024 ticks, in the direction of the sign.
+        calibrator = Calibrator(bus, bus.robot.actuators)
+        calibrator.measure_zeros(np.array([np.pi / 2, np.pi / 2]))
+        for measured, ticks in zip(calibrator.measured, (1234, 3000), strict=True):
+            assert measured.zero_ticks == ticks - measured.joint.servo.sign * 1024
         bench.servo("r_hip").alive = False
         bench.port.sent.clear()
         with pytest.raises(SetupError, match=r"joint 'r_hip' \(id 2\): silent"):
@@ -83,18 +90,6 @@ def test_of_small_movements_the_median_counts_and_large_ones_are_refused(
             measure_ticks(bus, bus.robot.actuators)
 
 
-def test_zeros_follow_from_known_angles(bench: ServiceBench):
-    """A quarter turn is 1024 ticks, in the direction of the sign."""
-    with bench.open() as bus:
-        turn(bench, "l_hip", 2100.0)
-        turn(bench, "r_hip", 2100.0)
-        calibrator = Calibrator(bus, bus.robot.actuators)
-        calibrator.measure_zeros(np.array([np.pi / 2, np.pi / 2]))
-        zeros = {m.joint.name: m.zero_ticks for m in calibrator.measured}
-        signs = {joint.name: joint.servo.sign for joint in bus.robot.actuators}
-        assert zeros == {name: 2100 - sign * 1024 for name, sign in signs.items()}
-
-
 class Person:
     """Turns a joint by some ticks when asked to, then gives answers."""
 
@@ -121,16 +116,9 @@ def test_a_sign_is_the_direction_of_the_turn_also_through_the_end_of_it(bench, s
         calibrator.check_signs(person)
         assert calibrator.measured[0].sign == joint.servo.sign
         assert not calibrator.measured[0].is_reversed
-
-
-def test_a_sign_that_contradicts_is_accepted_by_a_person_alone(bench: ServiceBench):
-    with bench.open() as bus:
-        joint = bus.robot.actuators[0]
         against = ("l_hip", -joint.servo.sign * 230.0)
-        person = Person(bench, [against, against], "", "no", "", "yes")
-        calibrator = Calibrator(bus, [joint])
-        calibrator.check_signs(person)
-        assert calibrator.measured[0].sign == -joint.servo.sign
+        calibrator.check_signs(Person(bench, [against, against], "", "no", "", "yes"))
+        assert calibrator.measured[0].sign == -joint.servo.sign, "a person accepts it"
         assert calibrator.measured[0].warnings[-1].startswith("it turns the other way")
 
 
@@ -170,9 +158,6 @@ def test_joints_that_were_not_measured_keep_their_calibration(tiny: Robot, tmp_p
     save(tiny, [measured(tiny.joints[1], 2060)], file)
     zeros = {name: j.zero_ticks for name, j in Calibration.load(file, tiny).joints.items()}
     assert zeros == {"l_hip": 2040, "r_hip": 2060}
-
-
-def test_a_large_shift_is_a_warning(tiny: Robot):
     joint = replace(tiny.joints[0], servo=replace(tiny.joints[0].servo, zero_ticks=2048))
     assert measured(joint, 2048 + 113).warnings == []  # 9.9 degrees
     (warning,) = measured(joint, 2048 + 115).warnings

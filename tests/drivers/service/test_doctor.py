@@ -1,14 +1,13 @@
-"""The health of a robot, measured in memory: no wire, no clock of the machine."""
+"""A robot's buses opened for service, and its health: no wire, no clock of the machine."""
 
-import math
+from dataclasses import replace
 
-import numpy as np
 import pytest
 from service_bench import ServiceBench
 
-from drivers.dynamixel.diagnostics import Severity
-from drivers.imu.source import ImuSample
-from drivers.service.doctor import HealthCheck, examine, measure_rate
+from drivers.dynamixel.diagnostics import DiagnosticsError, Severity
+from drivers.dynamixel.protocol2 import Instruction
+from drivers.service.doctor import HealthCheck, examine
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Robot
@@ -56,16 +55,13 @@ def test_the_bytes_of_a_cycle_are_counted_by_hand(tiny: Robot):
     assert (report.latency.kind, report.latency.rounds) == ("fast sync read", 3)
     assert (report.latency.lost, report.latency.damaged) == (0, 0)
     assert report.latency.group_median <= report.latency.reading_median
-
-
-@pytest.mark.parametrize(("firmware", "delays"), [(46, 2), (40, 3)])
-def test_the_return_delays_of_a_cycle_are_counted_by_hand(tiny: Robot, firmware: int, delays: int):
-    """As shipped 0.5 ms: of the first servo of a fast read or of both, and in the background."""
-    bench = ServiceBench(tiny)
-    bench.virtual = VirtualRobot(Simulation(tiny), firmware=firmware, powered=True)
-    (report,) = check(bench).ports
-    assert report.latency is not None
-    assert report.latency.return_delays == pytest.approx(delays * 0.0005)
+    # As shipped 0.5 ms: of the first servo of a fast read or of both, and in the background.
+    for firmware, delays in ((46, 2), (40, 3)):
+        bench = ServiceBench(tiny)
+        bench.virtual = VirtualRobot(Simulation(tiny), firmware=firmware, powered=True)
+        (report,) = check(bench).ports
+        assert report.latency is not None
+        assert report.latency.return_delays == pytest.approx(delays * 0.0005)
 
 
 def test_heat_is_judged_by_the_type_of_a_servo_or_the_limit_inside_it_if_that_is_lower(tiny: Robot):
@@ -91,45 +87,78 @@ def test_torque_is_named_and_stays(tiny: Robot):
     assert bench.servo("l_hip").peek("torque_enable") == 1
 
 
-def test_faults_come_before_warnings_and_errors_before_both(tiny: Robot):
-    bench = ServiceBench(tiny)
-    bench.virtual.physics.heat(2, 78.0)
-    bench.servo("l_hip").poke("drive_mode", 1)
-    order = [list(Severity).index(finding.severity) for finding in check(bench).findings]
-    assert order == sorted(order) and set(order) == {0, 1, 2}
-
-
-def test_an_imu_that_is_shaken_is_a_warning(tiny: Robot):
+def test_findings_come_by_severity_and_an_imu_that_is_shaken_is_a_warning(tiny: Robot):
     bench = ServiceBench(tiny)
     bench.virtual.board.frozen = True
     bench.virtual.board.registers["acc_z"] = 8192
     text = "the accelerometer shows 4.9 m/s², expected at rest 7.8 to 11.8 m/s²"
-    assert texts(check(bench), "IMU") == [(Severity.WARNING, text)]
+    bench.virtual.physics.heat(2, 78.0)
+    bench.servo("l_hip").poke("drive_mode", 1)
+    health = check(bench)
+    assert texts(health, "IMU") == [(Severity.WARNING, text)]
+    order = [list(Severity).index(finding.severity) for finding in health.findings]
+    assert order == sorted(order) and set(order) == {0, 1, 2}, "faults first, then errors"
 
 
-class Counting:
-    """An IMU that has a sample at every third look, and the clock of who looks."""
-
-    def __init__(self) -> None:
-        self.now, self.looks = 0.0, 0
-
-    def monotonic(self) -> float:
-        return self.now
-
-    def sleep(self, duration: float) -> None:
-        self.now += duration
-
-    def request(self, now: float) -> None:
-        assert now == self.now
-
-    def poll(self) -> ImuSample | None:
-        self.looks += 1
-        return None if self.looks % 3 else ImuSample(np.zeros(3), np.zeros(3), b"")
+# What a session writes at the start, and what stays as it is -------------------------------------
 
 
-def test_the_rate_of_an_imu_is_its_samples_over_the_time(monkeypatch):
-    imu = Counting()
-    monkeypatch.setattr("drivers.service.doctor.time", imu)
-    rate = measure_rate(imu)  # type: ignore[arg-type]
-    assert imu.now == pytest.approx(0.5, abs=0.003)
-    assert rate == math.floor(imu.looks / 3) / 0.5
+def test_servos_without_power_get_it_and_nothing_else_is_written(tiny: Robot):
+    bench = ServiceBench(tiny, powered=False)
+    with bench.open() as bus:
+        assert all(servo.powered for servo in bench.virtual.servos)
+        assert len(bus.written) == 1
+        assert bus.written[0].startswith("the servos' power was off: switched on at the board")
+        assert [packet.id for packet in bench.port.frames(Instruction.WRITE)] == [bus.board.id]
+        assert bus.findings == []
+    assert not bench.port.is_open
+
+
+def test_torque_stays_until_it_is_released_and_a_servo_that_keeps_it_is_named(tiny: Robot):
+    bench = ServiceBench(tiny)
+    bench.servo("r_hip").write(64, b"\x01")
+    with bench.open() as bus:
+        assert [joint.name for joint in bus.find_torque()] == ["r_hip"]
+        assert bus.written == []
+        bench.port.spoil = lambda packet, replies: (
+            [] if packet.instruction == Instruction.WRITE else replies
+        )
+        with pytest.raises(DiagnosticsError, match=r"'r_hip' .*does not confirm torque"):
+            bus.release()
+        bench.servo("r_hip").poke("torque_enable", 1)
+        bench.port.spoil = lambda _, replies: replies
+        bus.release()
+        assert bus.find_torque() == ()
+    assert bench.servo("r_hip").peek("torque_enable") == 0
+
+
+def test_a_servo_that_answers_pings_alone_is_made_to_answer_reads(tiny: Robot):
+    bench = ServiceBench(tiny)
+    bench.servo("l_hip").poke("status_return_level", 0)
+    with bench.open() as bus:
+        assert bench.servo("l_hip").peek("status_return_level") == 2
+        assert len(bus.written) == 1 and "joint 'l_hip' (id 1) ignored reads" in bus.written[0]
+        assert bus.diagnose().errors == () and len(bus.diagnose().servos) == 2
+        (found,) = bus.diagnose((bus.robot.actuators[1],)).servos
+        assert found.joint.name == "r_hip"
+
+
+def test_a_board_that_is_silent_is_a_finding_and_no_imu(tiny: Robot):
+    bench = ServiceBench(tiny)
+    bench.virtual.board.alive = False
+    with bench.open() as bus:
+        assert (bus.board, bus.imu) == (None, None)
+        assert [finding.text for finding in bus.findings] == ["silent"]
+
+
+def test_a_robot_without_imu_or_with_an_id_twice_has_findings(tiny: Robot):
+    twice = replace(
+        tiny,
+        joints=tuple(replace(j, servo=replace(j.servo, id=1)) for j in tiny.joints),
+        bus=replace(tiny.bus, board=None),
+    )
+    with ServiceBench(twice).open() as bus:
+        assert [(finding.device, finding.text) for finding in bus.findings] == [
+            ("id 1", "belongs to l_hip and r_hip"),
+            ("robot.toml", "names no IMU"),
+        ]

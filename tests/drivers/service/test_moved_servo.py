@@ -56,15 +56,13 @@ def test_a_joint_arrives_no_faster_than_its_speed_and_all_others_stay_limp(guard
     assert back.angle == pytest.approx(0.3, abs=0.05)
 
 
-def test_a_key_that_was_pressed_before_a_move_stops_it(guard):
+def test_a_key_pressed_before_a_move_stops_it_and_a_target_beyond_the_range_is_refused(guard):
     guard.stop("a person pressed a key")
     moved, report, _ = play(guard, MOVE)
     assert report.ending is Ending.FAULT
     assert "a person pressed a key" in report.reason
     assert moved.angle == pytest.approx(0.0, abs=0.01)
-
-
-def test_a_target_beyond_the_range_is_refused_with_torque_off(guard):
+    guard.clear()
     with pytest.raises(SetupError, match=r"target is \+515.7°, expected -180.0° to \+179.9°"):
         play(guard, replace(MOVE, target=9.0))
 

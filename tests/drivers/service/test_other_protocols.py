@@ -197,16 +197,6 @@ def test_what_a_servo_cannot_is_refused_with_what_to_do():
         find_bus(make_desk((1, "AX-12A"), (2, "XL430-W250")))
 
 
-def test_a_reply_that_fits_two_protocols_is_not_guessed(monkeypatch: pytest.MonkeyPatch):
-    data = bytes((12, 0, 9, 9, 3, 9))  # an AX-12A (12) of id 9, or a Feetech 777 of id 9
-    monkeypatch.setattr(sweep_module, "_read_first", lambda *_: Status(9, 0, data))
-    with serving_desk((9, "AX-12A")) as desk, opening(desk) as bus:
-        with pytest.raises(SetupError, match=r"id 9 may be .*--protocol 1\.0 or --"):
-            sweep(bus, bus.searched, (9,))
-        assert sweep(bus, [sweep_module.FEETECH], (9,)) == [9]
-        assert bus.wire is sweep_module.FEETECH
-
-
 def test_a_scan_lists_a_servo_of_an_unknown_model_and_one_whose_protocol_is_unclear(
     monkeypatch: pytest.MonkeyPatch,
 ):
@@ -224,6 +214,11 @@ def test_a_scan_lists_a_servo_of_an_unknown_model_and_one_whose_protocol_is_uncl
             (4, None, None, "1.0 or feetech"),
         ]
         assert not found[2].doubled
+        with opening(desk) as bus:
+            with pytest.raises(SetupError, match=r"id 4 may be .*--protocol 1\.0 or --"):
+                sweep(bus, bus.searched, (4,))
+            assert sweep(bus, [sweep_module.FEETECH], (4,)) == [4]
+            assert bus.wire is sweep_module.FEETECH
 
 
 def test_no_id_is_swept_where_a_servo_speaks_protocol_2_at_another_rate(

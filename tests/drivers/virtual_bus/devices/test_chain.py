@@ -32,16 +32,6 @@ def servos(*ids: int, quirks: Quirks | None = None, **settings: int) -> Chain:
     return chain
 
 
-def servo(chain: Chain, servo_id: int) -> VirtualServo:
-    device = find_device(chain, servo_id)
-    assert isinstance(device, VirtualServo)
-    return device
-
-
-def tell(instruction: int, device: int, params: bytes = b"") -> bytes:
-    return Packet(device, instruction, params).encode()
-
-
 OK_FROM_1 = "FFFFFD00 01 0400 55 00 A10C"
 MEASURED = {  # by id
     1: {"ticks": 166, "voltage": 11.9},
@@ -58,11 +48,11 @@ MANUAL = [  # what is sent, as published; the reply, as published; what register
      "FFFFFD00 01 0800 55 00 A6000000 8CC0", {}),
     (protocol2.write(1, 116, b"\0\2\0\0").encode(), "FFFFFD00 01 0900 03 7400 00020000 CA89",
      OK_FROM_1, {(1, "goal_position"): 512}),
-    (tell(Instruction.REG_WRITE, 1, b"\x68\0\xc8\0\0\0"), "FFFFFD00 01 0900 04 6800 C8000000 AE8E",
-     OK_FROM_1, {}),
-    (tell(Instruction.ACTION, 1), "FFFFFD00 01 0300 05 02CE",
+    (Packet(1, Instruction.REG_WRITE, b"\x68\0\xc8\0\0\0").encode(),
+     "FFFFFD00 01 0900 04 6800 C8000000 AE8E", OK_FROM_1, {}),
+    (Packet(1, Instruction.ACTION).encode(), "FFFFFD00 01 0300 05 02CE",
      OK_FROM_1, {(1, "goal_velocity"): 200}),
-    (tell(Instruction.CLEAR, 1, b"\1DXL\x22"), "FFFFFD00 01 0800 10 01 44584C22 B1DC",
+    (Packet(1, Instruction.CLEAR, b"\1DXL\x22").encode(), "FFFFFD00 01 0800 10 01 44584C22 B1DC",
      OK_FROM_1, {}),
     (protocol2.sync_read([1, 2], POSITION).encode(), "FFFFFD00 FE 0900 82 84000400 0102 CEFA",
      "FFFFFD00 01 0800 55 00 A6000000 8CC0 FFFFFD00 02 0800 55 00 1F080000 BABE", {}),
@@ -90,12 +80,12 @@ MANUAL = [  # what is sent, as published; the reply, as published; what register
 def test_the_manuals_examples_are_sent_and_answered_as_in_the_manual():
     chain = servos(*MEASURED)
     for device_id, measured in MEASURED.items():
-        sense(servo(chain, device_id), **measured)
+        sense(find_device(chain, device_id), **measured)
     for frame, published, reply, registers in nonempty(MANUAL):
         assert frame == bytes.fromhex(published)
         assert talk(chain, frame) == bytes.fromhex(reply), published
         for (device_id, name), value in registers.items():
-            assert read(servo(chain, device_id), name) == value, published
+            assert read(find_device(chain, device_id), name) == value, published
     ends = [
         (protocol2.reboot(1).encode(), "FFFFFD00 01 0300 08 2F4E"),
         (protocol2.factory_reset(1, Reset.ALL_BUT_ID).encode(), "FFFFFD00 01 0400 06 01 A1E6"),
@@ -103,9 +93,6 @@ def test_the_manuals_examples_are_sent_and_answered_as_in_the_manual():
     for frame, published in ends:
         assert frame == bytes.fromhex(published)
         assert talk(servos(1), frame) == bytes.fromhex(OK_FROM_1)
-
-
-def test_ping_as_in_the_manual():
     chain = servos(1, 2, firmware=38)
     for device in chain.devices:
         device.poke("model_number", 1030)  # the manual's XM430-W210
@@ -117,19 +104,13 @@ def test_ping_as_in_the_manual():
     assert talk(chain, protocol2.ping().encode()) == one + two
 
 
-def test_each_answer_waits_its_own_return_delay():
+def test_each_answer_waits_its_own_return_delay_and_that_to_a_broadcast_ping_its_slot():
     chain = servos(1, 2, 3)
     for device, delay in zip(chain.devices, (250, 0, 100), strict=True):
         device.poke("return_delay_time", delay)
-    delays = [
-        a.delay for a in chain.handle(request(protocol2.sync_read([1, 2, 3], POSITION).encode()))
-    ]
-    assert delays == pytest.approx([500e-6, 0.0, 200e-6])
-    fast = request(protocol2.sync_read([1, 2, 3], POSITION, fast=True).encode())
-    assert [a.delay for a in chain.handle(fast)] == pytest.approx([500e-6, 0.0, 0.0])
-
-
-def test_all_answer_a_broadcast_ping_in_order_of_id_each_in_its_slot():
+    for fast, last in ((False, 200e-6), (True, 0.0)):
+        group = request(protocol2.sync_read([1, 2, 3], POSITION, fast=fast).encode())
+        assert [a.delay for a in chain.handle(group)] == pytest.approx([500e-6, 0.0, last])
     chain = servos(9, 3, 200, baud=1_000_000)
     answers = chain.handle(request(protocol2.ping().encode()))
     assert [answer.device for answer in answers] == [3, 9, 200]
@@ -154,34 +135,30 @@ def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
 
     everyone = BROADCAST
     assert look(told(protocol2.write(everyone, 65, b"\1").encode()), "led") == [1, 1]
-    chain = told(tell(Instruction.REG_WRITE, everyone, b"\x41\0\1"))
+    chain = told(Packet(everyone, Instruction.REG_WRITE, b"\x41\0\1").encode())
     assert look(chain, "led") == [0, 0]
-    assert chain.handle(request(tell(Instruction.ACTION, everyone))) == []
+    assert chain.handle(request(Packet(everyone, Instruction.ACTION).encode())) == []
     assert look(chain, "led") == [1, 1]
     assert look(told(protocol2.reboot(everyone).encode()), "position_p_gain") == [800, 800]
-    told(tell(Instruction.CLEAR, everyone, b"\1DXL\x22"))
+    told(Packet(everyone, Instruction.CLEAR, b"\1DXL\x22").encode())
     reset = protocol2.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD).encode()
     assert look(told(reset), "return_delay_time") == [250, 250]
 
 
-def test_a_failed_part_of_a_fast_read_keeps_the_frame_whole():
-    chain = servos(1, 2)
-    spans = {1: Span(661, 4), 2: POSITION}
-    frame = talk(chain, protocol2.bulk_read(spans, fast=True).encode())
-    one, two = decode_fast_status(frame, [4, 4])
-    assert (one.number, one.data) == (ErrorNumber.ACCESS, bytes(4))
-    assert (two.number, two.data) == (0, b"\0\x08\0\0")
-
-
-def test_fast_reads_are_never_stuffed():
+def test_fast_reads_are_never_stuffed_and_stay_whole_where_a_part_fails():
     chain = servos(1)
-    sense(servo(chain, 1), current=-2.69e-3, velocity=-3 * 0.0239808)  # counts -1 and -3
+    sense(find_device(chain, 1), current=-2.69e-3, velocity=-3 * 0.0239808)  # counts -1 and -3
     span = Span(126, 10)
     frame = talk(chain, protocol2.sync_read([1], span, fast=True).encode())
     assert b"\xff\xff\xfd\xff" in frame[8:]
     assert decode_fast_status(frame, [10])[0].data[:6] == b"\xff\xff\xfd\xff\xff\xff"
     slow = talk(chain, protocol2.sync_read([1], span).encode())
     assert b"\xff\xff\xfd\xfd" in slow[8:]
+    spans = {1: Span(661, 4), 2: POSITION}  # the first is not to be read
+    frame = talk(servos(1, 2), protocol2.bulk_read(spans, fast=True).encode())
+    one, two = decode_fast_status(frame, [4, 4])
+    assert (one.number, one.data) == (ErrorNumber.ACCESS, bytes(4))
+    assert (two.number, two.data) == (0, b"\0\x08\0\0")
 
 
 @pytest.mark.parametrize(

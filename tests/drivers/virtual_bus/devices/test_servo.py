@@ -1,6 +1,7 @@
 """A virtual servo's registers: who may write what, when, and what a status says of it."""
 
 import re
+import struct
 from collections.abc import Callable
 from functools import partial
 
@@ -30,8 +31,7 @@ def raw_write(servo: VirtualServo, address: int, data: bytes) -> int:
 
 
 def raw_read(servo: VirtualServo, address: int, length: int) -> tuple[int, bytes]:
-    params = address.to_bytes(2, "little") + length.to_bytes(2, "little")
-    status = tell(servo, Instruction.READ, params)
+    status = tell(servo, Instruction.READ, struct.pack("<HH", address, length))
     return status.error, status.data
 
 
@@ -197,19 +197,18 @@ def test_indirect_data_is_the_register_that_its_address_names():
     write(servo, "indirect_address_1", 65)  # counts at once
     assert raw_write(servo, 224, b"\1") == 0
     assert read(servo, "led") == 1
-
-
-def test_indirect_writes_obey_the_rules_of_the_register_behind():
-    servo = VirtualServo(1)
     for i, address in enumerate((116, 117, 118, 119, 132, 65, 66), start=1):
         write(servo, f"indirect_address_{i}", address)
-    assert raw_write(servo, 224, (5000).to_bytes(4, "little")) == ErrorNumber.DATA_LIMIT
-    assert raw_write(servo, 224, b"\0\0") == ErrorNumber.DATA_LENGTH
-    assert raw_write(servo, 228, b"\0") == ErrorNumber.ACCESS  # present position
-    assert raw_write(servo, 229, b"\2") == ErrorNumber.DATA_RANGE  # led
-    assert raw_write(servo, 230, b"\0") == ErrorNumber.ACCESS  # a gap
-    assert write(servo, "indirect_address_1", 63) == ErrorNumber.DATA_RANGE  # EEPROM
-    assert write(servo, "indirect_address_1", 662) == ErrorNumber.DATA_RANGE
+    for address, data, error in (  # the rules of the register behind
+        (224, (5000).to_bytes(4, "little"), ErrorNumber.DATA_LIMIT),
+        (224, b"\0\0", ErrorNumber.DATA_LENGTH),
+        (228, b"\0", ErrorNumber.ACCESS),  # present position
+        (229, b"\2", ErrorNumber.DATA_RANGE),  # led
+        (230, b"\0", ErrorNumber.ACCESS),  # a gap
+    ):
+        assert raw_write(servo, address, data) == error
+    for address in (63, 662):  # EEPROM, and what is none
+        assert write(servo, "indirect_address_1", address) == ErrorNumber.DATA_RANGE
 
 
 @pytest.mark.parametrize("by_power", [False, True])

@@ -54,6 +54,11 @@ def console_for(command: CommandRequest | None = None) -> Console:
     return console
 
 
+def warn(text: str) -> None:
+    """Print a warning on standard error."""
+    print(f"getup: {text}", file=sys.stderr)
+
+
 @contextmanager
 def phase(text: str) -> Iterator[Callable[[str], None]]:
     """Show what a command is doing on standard error; yield what changes the text."""
@@ -79,7 +84,7 @@ def showing(command: CommandRequest | None = None, *, in_lines: bool = False) ->
 
     def show_in_lines(progress: Progress) -> None:
         if progress.message:
-            print(f"getup: {progress.message}", file=sys.stderr)
+            warn(progress.message)
         else:
             display.show(Progress(phase=str(progress)))
 

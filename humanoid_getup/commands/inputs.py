@@ -73,11 +73,11 @@ def find_start(
     world: World,
     origin: str,
     rng: np.random.Generator,
-    tell: Callable[[str], None] | None = None,
+    tell: Callable[[str], None],
 ) -> Fall:
     """Sample a settled fall of a class, or load a posture file.
 
-    With ``tell``, a file may leave joints out: they take the angles of the stance, and are named.
+    Joints that a file leaves out take the angles of the stance, and are named to ``tell``.
     """
     with refusing():
         if origin in CLASSES:

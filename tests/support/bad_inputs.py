@@ -565,7 +565,7 @@ GROUPS: dict[str, list[Case]] = {
         case("rise --from empty.json", "posture file empty.json: not JSON"),
         case("rise --from text.txt", "posture file text.txt: not JSON"),
         case("rise --from list.json", "posture file list.json"),
-        case("plan --from no_knee.json", "joint 'l_knee' is missing"),
+        case("rise --from supine --key no_knee.json", "joint 'l_knee' is missing"),
         case("rise --from nan_knee.json", "joint_pos.l_knee is nan", "finite"),
         case("rise --from stretched.json", "length 2.0000"),
         case("rise --from bent.json", "joint 'l_knee' is +9.000 rad", "[-1.798, +2.478] rad"),

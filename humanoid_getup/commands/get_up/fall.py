@@ -46,7 +46,7 @@ def fall(request: FallRequest, monitor: ProgressMonitor) -> dict[str, Any]:
     """Drop a robot; return the content of the posture file, which is written as requested."""
     monitor.begin("falling")
     world = load_world(request)
-    lying = find_start(world, request.origin, np.random.default_rng(request.seed))
+    lying = find_start(world, request.origin, np.random.default_rng(request.seed), monitor.tell)
     record = json.loads(format_posture(lying.posture, world.robot)) | {FALL: request.origin}
     if request.out is not None:
         request.out.parent.mkdir(parents=True, exist_ok=True)

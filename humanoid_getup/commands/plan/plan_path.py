@@ -146,7 +146,7 @@ def plan(request: PlanRequest, monitor: ProgressMonitor) -> PlannedPath:
     keys = load_keys(world, request.key)
     to = [] if request.to is None else load_keys(world, [request.to])
     monitor.begin("falling")
-    start = find_start(world, str(request.origin), rng)
+    start = find_start(world, str(request.origin), rng, monitor.tell)
     if to:
         goals = [Goal(name=to[0].name, posture=to[0].posture)]
     else:

@@ -22,6 +22,7 @@ from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualDevices
 from humanoid_getup.commands.command import program
+from humanoid_getup.commands.console import warn
 from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing, refusing_own
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import find_start, load_robot
@@ -146,7 +147,7 @@ def _find_start(world: World | ServoBench, origin: str, rng: np.random.Generator
     """Find the posture in which a robot lies; a bench is where it is."""
     if isinstance(world, ServoBench):
         return world.standing
-    return find_start(world, origin, rng).posture
+    return find_start(world, origin, rng, warn).posture
 
 
 def describe(robot: VirtualDevices, paths: Mapping[str, str]) -> str:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.virtual_bus.served_robot import ServedRobot
+from humanoid_getup.commands.console import warn
 from humanoid_getup.commands.inputs import STANDING, find_held_posture, find_start
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
@@ -66,7 +67,7 @@ class VirtualPerson:
         """Lay the robot down: in a sampled fall of a class, or as a posture file says."""
         if isinstance(self._world, ServoBench):
             raise ValueError(f"lay {origin}: servos on a bench cannot lie, expected hold or turn")
-        self._served.place(find_start(self._world, origin, self._rng).posture)
+        self._served.place(find_start(self._world, origin, self._rng, warn).posture)
 
     def _read_turn(self, turned: str) -> tuple[int, float]:
         """Read JOINT:DEG; return the number of the joint and the angle [rad]."""

@@ -97,7 +97,7 @@ def watch(
     with open_backend(request, world, limit, without_imu=without_imu) as choice:
         if choice.place is not None:
             rng = np.random.default_rng(request.seed)
-            choice.place(find_start(world, request.origin or "supine", rng).posture)
+            choice.place(find_start(world, request.origin or "supine", rng, monitor.tell).posture)
         guard = CancellableGuard(choice.backend, GuardLimits.of_limp(robot), monitor.check)
         with viewing(request, world, realtime=request.is_paced or choice.realtime) as show:
 

@@ -31,7 +31,7 @@ def twin(world: World) -> StyledTwin:
 
 @pytest.fixture(scope="module")
 def supine(world: World) -> Posture:
-    return find_start(world, "supine", np.random.default_rng(0)).posture
+    return find_start(world, "supine", np.random.default_rng(0), print).posture
 
 
 @pytest.fixture(scope="module")

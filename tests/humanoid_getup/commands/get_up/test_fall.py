@@ -25,8 +25,8 @@ def file(run: Run, tmp_path: Path) -> Path:
 def test_a_rise_from_the_file_begins_and_goes_on_as_one_from_the_side(file: Path, world: hg.World):
     """Start and random numbers of the plan are the same, so the rise is."""
     sampling, loading = np.random.default_rng(3), np.random.default_rng(3)
-    sampled = find_start(world, "prone", sampling)
-    loaded = find_start(world, str(file), loading)
+    sampled = find_start(world, "prone", sampling, print)
+    loaded = find_start(world, str(file), loading, print)
     for name in ("position", "orientation", "joint_pos"):
         np.testing.assert_array_equal(
             getattr(loaded.posture, name), getattr(sampled.posture, name), name
@@ -44,7 +44,7 @@ def test_a_changed_file_is_what_it_says(file: Path, world: hg.World):
     record = json.loads(file.read_text())
     record["position"][2] += 0.01
     file.write_text(json.dumps(record))
-    loaded = find_start(world, str(file), np.random.default_rng(3))
+    loaded = find_start(world, str(file), np.random.default_rng(3), print)
     assert loaded.posture.position[2] == record["position"][2]
 
 
@@ -55,7 +55,7 @@ def test_joints_left_out_take_the_stance_and_are_named(
     for name in ("head_pan", "head_tilt"):
         del record["joint_pos"][name]
     file.write_text(json.dumps(record))
-    loaded = find_start(world, str(file), np.random.default_rng(3), lambda _: None)
+    loaded = find_start(world, str(file), np.random.default_rng(3), print)
     heads = [world.robot.joint_names.index(name) for name in ("head_pan", "head_tilt")]
     assert np.array_equal(loaded.posture.joint_pos[heads], world.robot.standing.joint_pos[heads])
 

@@ -17,9 +17,8 @@ import tyro
 from script import Options, write_results
 
 from humanoid_getup.experiments.starts.falls import sample_falls
-from humanoid_getup.filtering.candidate import Candidate
+from humanoid_getup.filtering.candidate import Candidate, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
-from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.motions.motion_database import Connection, load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.simulation.world import World

@@ -75,7 +75,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "humanoid_getup/filtering/dynamics_filter.py": (
         "tests/humanoid_getup/filtering/test_dynamics_filter.py",
     ),
-    "humanoid_getup/filtering/reference.py": ("tests/humanoid_getup/filtering/test_reference.py",),
+    "humanoid_getup/filtering/candidate.py": ("tests/humanoid_getup/filtering/test_reference.py",),
     "humanoid_getup/filtering/tracking.py": (
         "tests/humanoid_getup/filtering/test_dynamics_filter.py",
         "tests/humanoid_getup/filtering/test_virtual_actuator.py",

@@ -37,10 +37,9 @@ from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.choice import make_strategy
+from humanoid_getup.strategies.choice import PLAN, make_strategy
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
-from humanoid_getup.strategies.track_record import PLAN
 from robots import FULL_TORQUE, Posture, TorqueLimit, load_robot, quaternion
 from robots.model_import.importer import read_model
 from robots.quaternion import Array

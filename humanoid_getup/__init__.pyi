@@ -73,9 +73,9 @@ from humanoid_getup.progress.callback import Progress as Progress
 from humanoid_getup.progress.callback import ProgressMonitor as ProgressMonitor
 from humanoid_getup.simulation.world import World as World
 from humanoid_getup.strategies.learned_rise import LearnedRise as LearnedRise
+from humanoid_getup.strategies.learned_rise import StyledRise as StyledRise
 from humanoid_getup.strategies.planned_rise import PlannedRise as PlannedRise
 from humanoid_getup.strategies.stored_motion import StoredMotion as StoredMotion
-from humanoid_getup.strategies.styled_rise import StyledRise as StyledRise
 from humanoid_getup.style.curves import StyleCurves as StyleCurves
 from humanoid_getup.style.style import Style as Style
 from humanoid_getup.style.style_file import load_style as load_style

@@ -18,9 +18,9 @@ from humanoid_getup.progress.worker import report
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.learned_rise import PLANNED, read_curves
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
-from humanoid_getup.strategies.styled_rise import PLANNED, read_curves
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.extraction import ExtractionError
 from humanoid_getup.style.style import Style

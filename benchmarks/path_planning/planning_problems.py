@@ -15,11 +15,10 @@ import numpy as np
 
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning import path_planner, smoothing
-from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.path_planner import PathOptions
+from humanoid_getup.planning.placement import GoalPlacement, find_way_out
 from humanoid_getup.planning.posture_space import PointProblem, PostureProblem
 from humanoid_getup.planning.rrt_blossom import SearchStatus, search
-from humanoid_getup.planning.way_out import find_way_out
 from humanoid_getup.simulation.world import World
 from path_planning.limited_checker import (
     Budget,

@@ -31,10 +31,9 @@ from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import list_motions, load_database
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.choice import NEAREST, make_strategy
+from humanoid_getup.strategies.choice import NEAREST, PLAN, make_strategy
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
-from humanoid_getup.strategies.track_record import PLAN
 from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.servo import LimitMode
 

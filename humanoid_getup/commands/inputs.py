@@ -18,7 +18,7 @@ from humanoid_getup.motions.key_posture import KeyPosture, load_key
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.planning.key_check import check_keys
+from humanoid_getup.planning.collision import check_keys
 from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.standing_places import check_standing_place

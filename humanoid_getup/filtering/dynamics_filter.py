@@ -13,9 +13,8 @@ from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome, co
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.rollouts.early_stop import LATEST_STAND
 from humanoid_getup.experiments.rollouts.play import Experiment, FeedbackLaw
-from humanoid_getup.filtering.candidate import Candidate, CandidateRollout
+from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Reference, compose
 from humanoid_getup.filtering.ground_fit import GroundFit
-from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch, coarsen
 from humanoid_getup.filtering.separation import MARGINS, Separation
 from humanoid_getup.filtering.tracking import (

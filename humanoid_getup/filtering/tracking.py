@@ -8,8 +8,7 @@ import numpy as np
 
 from humanoid_getup.experiments.judging.torque import LONG_SATURATION, SATURATED, limit_torque
 from humanoid_getup.experiments.rollouts.play import Feedback
-from humanoid_getup.filtering.candidate import NO_SLOWDOWN, Candidate
-from humanoid_getup.filtering.reference import Reference
+from humanoid_getup.filtering.candidate import NO_SLOWDOWN, Candidate, Reference
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.scenes.ground import Ground
 from humanoid_getup.scenes.obstacle import Crossings
-from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from robots import Posture, Robot
 from robots.ground import GROUND
 from robots.quaternion import Array
@@ -301,3 +303,26 @@ class CollisionChecker:
 def to_configuration(posture: Posture) -> Array:
     """Put position, orientation and joint angles of a posture in a row, (7 + n,)."""
     return np.concatenate([posture.position, posture.orientation, posture.joint_pos])
+
+
+RAISED = np.array([0.0, 0.0, 10.0])  # m, clear of the ground
+
+
+def check_keys(robot: Robot, keys: Sequence[KeyPosture]) -> None:
+    """Check that key postures are within the joint limits and free of self-collision.
+
+    Raises:
+        ValueError: naming what is wrong with each posture that is not.
+    """
+    if not keys:
+        return
+    checker, problems = CollisionChecker(robot, FLAT_SCENE), list[str]()
+    for key in keys:
+        checker.reset()
+        if key.posture.joint_pos.shape != (robot.n,):
+            shape = key.posture.joint_pos.shape
+            problems.append(f"posture {key.name}: joint_pos is {shape}, expected ({robot.n},)")
+        elif found := checker.allow(replace(key.posture, position=RAISED)):
+            problems.append(f"posture {key.name}: {found}")
+    if problems:
+        raise ValueError("; ".join(problems))

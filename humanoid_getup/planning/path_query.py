@@ -16,10 +16,9 @@ from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.path_planner import PathOptions, PathResult
+from humanoid_getup.planning.path_planner import PathOptions, PathResult, place_stops, plan_via
+from humanoid_getup.planning.placement import WayOut, find_way_out
 from humanoid_getup.planning.rrt_blossom import SearchStatus
-from humanoid_getup.planning.via import place_stops, plan_via
-from humanoid_getup.planning.way_out import WayOut, find_way_out
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 

@@ -12,11 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
-from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
-from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
+from humanoid_getup.posture_chains.resting_state import (
+    Archive,
+    PostureChain,
+    PostureMove,
+    RestingState,
+)
 from humanoid_getup.posture_chains.ways_up import Pair, WaysUp
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit

@@ -10,10 +10,10 @@ import numpy as np
 from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
 from humanoid_getup.experiments.judging.torque import count_runs, find_saturation
 from humanoid_getup.experiments.rollouts.play import Experiment
-from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.features import PlaceMeter
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.resting_state import Archive
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit

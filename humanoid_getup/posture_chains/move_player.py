@@ -19,20 +19,18 @@ from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.judging.torque import find_saturation
 from humanoid_getup.experiments.rollouts.play import Experiment
-from humanoid_getup.posture_chains.archive import Archive
-from humanoid_getup.posture_chains.arrivals import (
-    Arrivals,
-    Bools,
-    TriedMove,
-    list_resting,
-    make_state,
-)
 from humanoid_getup.posture_chains.features import Meter
 from humanoid_getup.posture_chains.resting_state import (
+    Archive,
+    Arrivals,
+    Bools,
     PostureChain,
     PostureMove,
     RestingState,
+    TriedMove,
     are_near,
+    list_resting,
+    make_state,
     sample_moves,
 )
 from humanoid_getup.simulation.physics_engine import find_coarse_step

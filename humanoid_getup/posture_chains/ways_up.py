@@ -11,10 +11,9 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import DURATIONS, BalancedPostures, RandomMoves
-from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
+from humanoid_getup.posture_chains.resting_state import Archive, PostureMove, RestingState
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.smooth_step import invert_smooth_step

@@ -16,11 +16,11 @@ from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.path_planner import PathOptions
+from humanoid_getup.planning.path_planner import REST, PathOptions, place_stops, plan_via
 from humanoid_getup.planning.rrt_blossom import SearchStatus
-from humanoid_getup.planning.via import REST, place_stops, plan_via
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.free_rise import SLOWDOWN
 from humanoid_getup.strategies.key_record import (
     CLOSE_TILT,
     KeyFigures,
@@ -28,8 +28,7 @@ from humanoid_getup.strategies.key_record import (
     KeyRecord,
     find_passes,
 )
-from humanoid_getup.strategies.search.free_rise import SLOWDOWN
-from humanoid_getup.strategies.search.rise_search import FoundRise, RiseSearch, SearchTools
+from humanoid_getup.strategies.rise_search import FoundRise, RiseSearch, SearchTools
 from robots import Posture
 from robots.quaternion import Array
 

@@ -23,15 +23,14 @@ from humanoid_getup.motions.motion_database import (
 )
 from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.motions.retargeting import name_body
-from humanoid_getup.planning.key_check import check_keys
+from humanoid_getup.planning.collision import check_keys
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.approach import Approach, MotionFinder
+from humanoid_getup.strategies.free_rise import FreeRise
 from humanoid_getup.strategies.keyed_rise import KeyedRise
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus, SearchRecord
-from humanoid_getup.strategies.search.approach import Approach
-from humanoid_getup.strategies.search.found_motions import MotionFinder
-from humanoid_getup.strategies.search.free_rise import FreeRise
-from humanoid_getup.strategies.search.rise_search import FoundRise, SearchTools
+from humanoid_getup.strategies.rise_search import FoundRise, SearchTools
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.arguments import expect
 from robots.torque_limit import check_torque_limit

@@ -21,9 +21,8 @@ from humanoid_getup.commands.policies import load_policy, name_robot
 from humanoid_getup.commands.values import between
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.report import RiseSettings
-from humanoid_getup.strategies.choice import apply_style
+from humanoid_getup.strategies.choice import POLICY, apply_style
 from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.track_record import POLICY
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,7 +36,7 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.scenes.named_scenes import is_random, seed_grounds
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.styled_rise import PLANNED
+from humanoid_getup.strategies.learned_rise import PLANNED
 from robots import TorqueLimit
 
 if TYPE_CHECKING:  # slow to import

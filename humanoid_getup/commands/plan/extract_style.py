@@ -18,7 +18,7 @@ from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.plan.styles import StyleOutput, print_times
 from humanoid_getup.commands.values import between
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.strategies.styled_rise import measure_motion
+from humanoid_getup.strategies.learned_rise import measure_motion
 from humanoid_getup.style.curves import UPRIGHT_STAND, is_stand
 from humanoid_getup.style.extraction import extract_curves, measure_clip, trim
 from humanoid_getup.style.features import FeatureSense

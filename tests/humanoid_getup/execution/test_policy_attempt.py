@@ -19,17 +19,17 @@ from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.choice import StrategySelector
-from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus
-from humanoid_getup.strategies.track_record import (
+from humanoid_getup.strategies.choice import (
     PLAN,
     POLICY,
     StandCount,
     StrategyId,
     StrategyRecord,
+    StrategySelector,
     TrackRecord,
 )
+from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from robots import Posture, Robot, TorqueLimit, quaternion
 
 PERIOD = 0.008

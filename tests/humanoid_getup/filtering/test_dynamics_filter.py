@@ -8,9 +8,8 @@ from nonempty import nonempty
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import Experiment, play
 from humanoid_getup.experiments.starts.falls import sample_falls
-from humanoid_getup.filtering.candidate import Candidate, Slowdown
+from humanoid_getup.filtering.candidate import Candidate, Slowdown, compose, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
-from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.tracking import LONGEST_STRETCH
 from humanoid_getup.motions.posture_metric import align

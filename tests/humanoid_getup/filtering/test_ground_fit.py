@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
+from humanoid_getup.filtering.candidate import compose, straight_path
 from humanoid_getup.filtering.ground_fit import GroundFit
-from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion

@@ -7,13 +7,13 @@ from typing import cast
 import numpy as np
 import pytest
 
-from humanoid_getup.filtering.ground_fit import GroundFit
-from humanoid_getup.filtering.reference import (
+from humanoid_getup.filtering.candidate import (
     Reference,
     compose,
     resample,
     straight_path,
 )
+from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import load_database

@@ -7,9 +7,8 @@ from nonempty import nonempty
 
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP
 from humanoid_getup.experiments.starts.falls import sample_falls
-from humanoid_getup.filtering.candidate import Candidate
+from humanoid_getup.filtering.candidate import Candidate, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
-from humanoid_getup.filtering.reference import straight_path
 from humanoid_getup.filtering.separation import FADES, MARGINS, Separation
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align

@@ -10,7 +10,7 @@ from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.goal_placement import DISTANCES, GoalPlacement
+from humanoid_getup.planning.placement import DISTANCES, GoalPlacement
 from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion

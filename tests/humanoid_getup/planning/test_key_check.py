@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.motions.key_posture import KeyPosture, name_keys
-from humanoid_getup.planning.key_check import check_keys
+from humanoid_getup.planning.collision import check_keys
 from robots import Posture, Robot
 
 

@@ -6,13 +6,19 @@ import numpy as np
 import pytest
 
 from humanoid_getup.experiments.starts.falls import sample_fall
-from humanoid_getup.filtering.reference import straight_path
+from humanoid_getup.filtering.candidate import straight_path
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion import NO_END
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
-from humanoid_getup.planning.path_planner import PathOptions, PathResult
+from humanoid_getup.planning.path_planner import (
+    REST,
+    PathOptions,
+    PathResult,
+    place_stops,
+    plan_via,
+)
 from humanoid_getup.planning.path_query import (
     CONNECTIONS,
     Goal,
@@ -22,7 +28,6 @@ from humanoid_getup.planning.path_query import (
     to_motion,
 )
 from humanoid_getup.planning.rrt_blossom import SearchStatus
-from humanoid_getup.planning.via import REST, place_stops, plan_via
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 

@@ -9,12 +9,12 @@ from nonempty import nonempty
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
-from humanoid_getup.planning.goal_placement import GoalPlacement
-from humanoid_getup.planning.via import plan_via
-from humanoid_getup.planning.way_out import (
+from humanoid_getup.planning.path_planner import plan_via
+from humanoid_getup.planning.placement import (
     DEEP,
     SPACING,
     SPEED,
+    GoalPlacement,
     ShiftProblem,
     WayOut,
     find_way_out,

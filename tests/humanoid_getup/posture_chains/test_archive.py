@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from made_up_states import make_move, make_state
 
-from humanoid_getup.posture_chains.archive import Archive
-from humanoid_getup.posture_chains.resting_state import PostureChain
+from humanoid_getup.posture_chains.resting_state import Archive, PostureChain
 
 
 def test_a_cell_keeps_the_state_that_is_clearly_ahead():

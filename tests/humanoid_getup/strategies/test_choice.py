@@ -6,6 +6,7 @@ import pytest
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.strategies.choice import (
     NEAREST,
+    PLAN,
     STRAIGHT,
     StrategyRequest,
     choose_strategy,
@@ -15,7 +16,6 @@ from humanoid_getup.strategies.learned_rise import LearnedRise, PolicyPlan
 from humanoid_getup.strategies.plan import RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.stored_motion import NearestMotion
-from humanoid_getup.strategies.track_record import PLAN
 from robots import TorqueLimit
 
 LIMIT = TorqueLimit(2.5, "pwm")

@@ -6,17 +6,17 @@ import pytest
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.experiments.starts.falls import sample_fall, sample_falls
-from humanoid_getup.filtering.reference import straight_path
+from humanoid_getup.filtering.candidate import straight_path
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.free_rise import FreeRise
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions, chain
-from humanoid_getup.strategies.search.free_rise import FreeRise
-from humanoid_getup.strategies.search.rise_search import FoundRise
+from humanoid_getup.strategies.rise_search import FoundRise
 from robots import TorqueLimit
 from robots.kinematics import place
 

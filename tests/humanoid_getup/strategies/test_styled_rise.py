@@ -8,9 +8,8 @@ import pytest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.learned_rise import LearnedRise, StyledRise, read_curves
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from humanoid_getup.strategies.styled_rise import StyledRise, read_curves
 from robots import Robot
 
 

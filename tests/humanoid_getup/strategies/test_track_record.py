@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.strategies.track_record import (
+from humanoid_getup.strategies.choice import (
     PLAN,
     POLICY,
     StandCount,

@@ -7,7 +7,7 @@ import pytest
 
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.search.approach import (
+from humanoid_getup.strategies.approach import (
     MOST_FAILURES,
     MOST_FAILURES_IN_ALL,
     SLOW,

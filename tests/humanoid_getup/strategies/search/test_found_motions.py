@@ -12,10 +12,10 @@ from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.posture_chains.chain_search import ChainSearch
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.approach import MotionFinder
+from humanoid_getup.strategies.free_rise import FreeRise
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.search.found_motions import MotionFinder
-from humanoid_getup.strategies.search.free_rise import FreeRise
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
 from robots.body.limbs import Limbs
 from robots.body.squats import list_squats

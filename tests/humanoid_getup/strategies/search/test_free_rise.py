@@ -15,7 +15,7 @@ from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.scenes.start_region import lying
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.search.free_rise import (
+from humanoid_getup.strategies.free_rise import (
     FIRST_CONNECTIONS,
     MORE_CONNECTIONS,
     MOST_CONNECTIONS,
@@ -25,7 +25,7 @@ from humanoid_getup.strategies.search.free_rise import (
     Continuation,
     FreeRise,
 )
-from humanoid_getup.strategies.search.rise_search import SearchTools
+from humanoid_getup.strategies.rise_search import SearchTools
 from robots import Posture, Robot
 from robots.kinematics import place
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.filtering.candidate import Candidate
-from humanoid_getup.strategies.search.rise_search import RiseSearch, SearchTools
+from humanoid_getup.strategies.rise_search import RiseSearch, SearchTools
 
 
 @dataclass(frozen=True, eq=False)

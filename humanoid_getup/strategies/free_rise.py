@@ -11,7 +11,7 @@ from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Slow
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.search.rise_search import (
+from humanoid_getup.strategies.rise_search import (
     FINALISTS,
     FoundRise,
     RiseSearch,

@@ -13,9 +13,8 @@ from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.approach import Approach, MotionFinder
 from humanoid_getup.strategies.key_record import KeyRecord
-from humanoid_getup.strategies.search.approach import Approach
-from humanoid_getup.strategies.search.found_motions import MotionFinder
 from robots import Posture
 
 if TYPE_CHECKING:

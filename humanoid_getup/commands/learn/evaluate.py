@@ -15,7 +15,7 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing
+from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.files import READ, ROBOT
 from humanoid_getup.commands.inputs import load_robot, load_world, make_torque_limit
 from humanoid_getup.commands.options import EngineOptions, PolicyName, SceneOptions, TorqueOptions
@@ -182,12 +182,11 @@ def evaluate(request: EvaluateRequest, monitor: ProgressMonitor) -> Evaluation:
 
 
 @evaluate.show
-def _print(found: Evaluation, _: EvaluateRequest, console: Console) -> int:
+def _print(found: Evaluation, _: EvaluateRequest, console: Console) -> None:
     for label, case in found.cases.items():
         text = f"{found.policy}, {label}; robots {found.trial}:\n\n{_tabulate(case)}\n"
         console.print(text, markup=False, soft_wrap=True)
     console.print(LEGEND, soft_wrap=True)
-    return DID_IT
 
 
 def _tabulate(case: EvaluatedCase) -> str:

@@ -10,7 +10,7 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, needing, refusing
+from humanoid_getup.commands.errors import needing, refusing
 from humanoid_getup.commands.files import MADE, ROBOT
 from humanoid_getup.commands.inputs import load_robot_of
 from humanoid_getup.commands.options import RobotOption
@@ -47,9 +47,8 @@ def export(request: ExportRequest, monitor: ProgressMonitor) -> Exported:
 
 
 @export.show
-def _print(exported: Exported, request: ExportRequest, console: Console) -> int:
+def _print(exported: Exported, request: ExportRequest, console: Console) -> None:
     console.print(
         f"{request.out}: {exported.size / 1e3:.0f} kB, after {exported.iterations} iterations; "
         f"torch and onnxruntime differ by {exported.difference:.1e} at most"
     )
-    return DID_IT

@@ -131,7 +131,7 @@ def import_policy(request: ImportPolicyRequest, monitor: ProgressMonitor) -> Pol
 
 
 @import_policy.show
-def _print(found: PolicyImport, request: ImportPolicyRequest, console: Console) -> int:
+def _print(found: PolicyImport, request: ImportPolicyRequest, console: Console) -> None:
     console.print(f"{request.network}: {found.format}, for robot '{found.robot}'", markup=False)
     for row in found.fields:
         text = f"  {row.field}: {row.value} ({row.source})"
@@ -140,7 +140,6 @@ def _print(found: PolicyImport, request: ImportPolicyRequest, console: Console) 
         console.print(f"note: {note}", markup=False, soft_wrap=True)
     run = f"getup run {found.file} --robot {request.robot} --from supine"
     console.print(f"written to {request.out}; next: {run}", markup=False, soft_wrap=True)
-    return DID_IT
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from rich.console import Console
 from tyro.conf import arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, needing, refusing
+from humanoid_getup.commands.errors import needing, refusing
 from humanoid_getup.commands.files import FOLDER, READ
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import EngineOptions, RobotOption, Seed
@@ -104,14 +104,13 @@ def make_prior(request: PriorRequest, monitor: ProgressMonitor) -> MadePrior:
 
 
 @make_prior.show
-def _print(made: MadePrior, request: PriorRequest, console: Console) -> int:
+def _print(made: MadePrior, request: PriorRequest, console: Console) -> None:
     left = made.unexplained
     fit = "" if left is None else f"; the decoder leaves {100.0 * left:.1f} % of the variance"
     console.print(
         f"{request.out}: {made.rises} rises, {made.postures} postures; {made.size} latent "
         f"parameters{fit}"
     )
-    return DID_IT
 
 
 def _spread_plans(request: PriorRequest, monitor: ProgressMonitor) -> RunPlans:

@@ -13,7 +13,7 @@ from rich.console import Console
 from tyro.conf import arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, BadInputError, needing, refusing
+from humanoid_getup.commands.errors import BadInputError, needing, refusing
 from humanoid_getup.commands.files import FOLDER, READ
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import RobotOption, Seed
@@ -78,13 +78,12 @@ def train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
 
 
 @train.show
-def _print(trained: TrainedPolicy, request: TrainRequest, console: Console) -> int:
+def _print(trained: TrainedPolicy, request: TrainRequest, console: Console) -> None:
     if trained.leads:
         console.print(f"{request.out}: {trained}")
         if trained.recent and not trained.is_learning:
             text = f"{trained.assess()}; the same command with more --iterations continues"
             console.print(text, markup=False)
-    return DID_IT
 
 
 def _train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:

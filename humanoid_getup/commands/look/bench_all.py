@@ -26,7 +26,7 @@ from humanoid_getup.benchmarks.whole import (
     summarize_rises,
 )
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, refusing
+from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.files import Written
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.look.bench_rise import LOADS, print_figures
@@ -112,11 +112,10 @@ def measure_robot(request: BenchAll, monitor: ProgressMonitor) -> WholeBench:
 
 
 @measure_robot.show
-def _print(found: WholeBench, request: BenchAll, console: Console) -> int:
+def _print(found: WholeBench, request: BenchAll, console: Console) -> None:
     figures = ("n", "stood", "stood_interval_95", *LOADS, "torque_use", "head_impact_m_s")
     print_figures("all", found.cases, figures, console)
     console.print(f"written to {request.out / PAGE}", markup=False)
-    return DID_IT
 
 
 def _load_whole(request: BenchAll, world: World, threads: int = 0) -> Whole:

@@ -25,7 +25,7 @@ from humanoid_getup.benchmarks.rise import (
 )
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import format_figure, make_table
-from humanoid_getup.commands.errors import DID_IT, refusing
+from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import load_world, make_torque_limit
 from humanoid_getup.commands.options import (
@@ -146,10 +146,9 @@ def benchmark(request: BenchRise, monitor: ProgressMonitor) -> RiseBench:
 
 
 @benchmark.show
-def _print(found: RiseBench, _: BenchRise, console: Console) -> int:
+def _print(found: RiseBench, _: BenchRise, console: Console) -> None:
     figures = ("n", "planned", "stood", "stood_interval_95", *LOADS, "self_collisions")
     print_figures("rise", found.classes, figures, console)
-    return DID_IT
 
 
 def print_figures(

@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, BadInputError, needing
+from humanoid_getup.commands.errors import BadInputError, needing
 from humanoid_getup.commands.files import FOLDER, READ, ROBOT
 from humanoid_getup.commands.inputs import load_robot_of
 from humanoid_getup.commands.options import RobotOption
@@ -96,11 +96,10 @@ def export_log(request: ExportLogRequest, monitor: ProgressMonitor) -> ExportedL
 
 
 @export_log.show
-def _print(found: ExportedLog, _: ExportLogRequest, console: Console) -> int:
+def _print(found: ExportedLog, _: ExportLogRequest, console: Console) -> None:
     cut = f", cut off or damaged: {found.lost_bytes} bytes lost" if found.truncated else ""
     console.print(f"{found.robot}, {found.started}, {found.duration_s:.2f} s{cut}", markup=False)
     for topic, count in found.topics.items():
         console.print(f" {topic}: {count} messages", markup=False)
     following = f"ros2 bag info {shlex.quote(str(found.bag))}"
     console.print(f"written to {found.bag}; next: {following}", markup=False, soft_wrap=True)
-    return DID_IT

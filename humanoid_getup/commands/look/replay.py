@@ -15,7 +15,7 @@ from tyro.conf import Positional, arg
 from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing
+from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.files import READ, ROBOT, Written
 from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.commands.output_files import staging
@@ -138,7 +138,7 @@ def replay_flight(
 
 
 @replay_flight.show
-def _print(flight: ReplayedFlight, _: ReplayRequest, console: Console) -> int:
+def _print(flight: ReplayedFlight, _: ReplayRequest, console: Console) -> None:
     record, report, figures = flight.record, flight.report, flight.report.figures()
     rows = (
         ("joints", figures.rms_rad, figures.max_rad),
@@ -153,7 +153,6 @@ def _print(flight: ReplayedFlight, _: ReplayRequest, console: Console) -> int:
     for event in record.events:
         table.add_row(f"[dim]{escape(event.kind)}", f"{event.time:.2f} s: {escape(event.text)}")
     console.print(table)
-    return DID_IT
 
 
 def _load_world(

@@ -11,7 +11,6 @@ from tyro.conf import Positional, arg
 
 from drivers.errors import SetupError
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT
 from humanoid_getup.commands.files import FOLDER, ROBOT
 from humanoid_getup.commands.inputs import make_torque_limit
 from humanoid_getup.commands.options import TorqueOptions
@@ -70,9 +69,8 @@ def export_robot(request: ExportRobotRequest, _: ProgressMonitor) -> ExportedRob
 
 
 @export_robot.show
-def _print(found: ExportedRobot, _: ExportRobotRequest, console: Console) -> int:
+def _print(found: ExportedRobot, _: ExportRobotRequest, console: Console) -> None:
     for note in found.notes:
         console.print(f"note: {note}", markup=False, soft_wrap=True)
     written = " and ".join(map(str, found.files))
     console.print(f"{found.name}: written to {written}", markup=False, soft_wrap=True)
-    return DID_IT

@@ -13,7 +13,6 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.progress.callback import ProgressMonitor
@@ -110,7 +109,7 @@ def import_robot(request: ImportRequest, monitor: ProgressMonitor) -> RobotImpor
 
 
 @import_robot.show
-def _print(found: RobotImport, request: ImportRequest, console: Console) -> int:
+def _print(found: RobotImport, request: ImportRequest, console: Console) -> None:
     console.print(
         f"{found.name}: {found.dof} joints, {found.mass:.2f} kg, torso '{found.torso}', servos "
         f"{', '.join(found.servos)} at {found.supply_voltage:g} V",
@@ -120,4 +119,3 @@ def _print(found: RobotImport, request: ImportRequest, console: Console) -> int:
         for line in lines:
             console.print(f"{title}: {line}", markup=False)
     console.print(f"written to {request.out}; next: getup robots check {request.out}", markup=False)
-    return DID_IT

@@ -25,6 +25,8 @@ Result = TypeVar("Result")
 Request = TypeVar("Request")
 
 _cancelled = threading.Event()
+_idle = threading.Event()
+"""Set while this process has no work."""
 _receive: Report = lambda _: None  # noqa: E731
 """Where reports of the work of this process go."""
 
@@ -111,19 +113,20 @@ def _send(pipe: Connection, progress: Progress) -> None:
 
 def _await_end(pipe: Connection) -> None:
     """Interrupt the work when the parent says so or ends; end the process if that is no use."""
-    grace = GRACE
+    grace, ended = GRACE, _idle  # without a parent, nobody receives a result
     with suppress(EOFError, OSError):
-        grace = pipe.recv()
+        grace, ended = pipe.recv(), threading.Event()
     _cancelled.set()
     threading.Event().wait(grace)
     os.kill(os.getpid(), signal.SIGTERM)
-    threading.Event().wait(RELEASE)
+    ended.wait(RELEASE)
     os._exit(1)
 
 
 def _do(work: Callable[[], Result]) -> Result:
     """Do a piece, which signals interrupt as Ctrl-C does."""
     signals = (signal.SIGTERM, signal.SIGHUP)
+    _idle.clear()
     try:
         for number in signals:
             signal.signal(number, signal.default_int_handler)
@@ -131,6 +134,7 @@ def _do(work: Callable[[], Result]) -> Result:
     finally:
         for number in signals:
             signal.signal(number, signal.SIG_DFL)
+        _idle.set()
 
 
 @dataclass(frozen=True, kw_only=True)

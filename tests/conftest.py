@@ -1,6 +1,7 @@
 import contextlib
 import shutil
-from collections.abc import Iterator
+import signal
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,22 @@ TINY = Path(__file__).parent / "robots" / "tiny"
 # One seed, and no deadline: two cores are shared with other tests.
 settings.register_profile("tests", deadline=None, derandomize=True)
 settings.load_profile("tests")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol() -> Generator[None, object, object]:
+    """Give signals their handlers back, which commands replace; end the run at a Ctrl-C.
+
+    A command that is interrupted returns its exit code, and ignores all further signals.
+    """
+    before = {name: signal.getsignal(name) for name in (signal.SIGINT, signal.SIGTERM)}
+    done = yield
+    is_interrupted = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    for name, handler in before.items():
+        signal.signal(name, handler)
+    if is_interrupted and before[signal.SIGINT] is not signal.SIG_IGN:
+        raise KeyboardInterrupt
+    return done
 
 
 @pytest.fixture(scope="session")

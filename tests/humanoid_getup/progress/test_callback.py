@@ -7,15 +7,6 @@ import pytest
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 
 
-def test_what_is_counted_adds_up():
-    seen: list[Progress] = []
-    advance = ProgressMonitor(seen.append).count("rises", 3)
-    advance(1)
-    advance(2)
-    assert [each.done for each in seen] == [0, 1, 3]
-    assert {(each.phase, each.total) for each in seen} == {("rises", 3)}
-
-
 @pytest.mark.parametrize(
     ("progress", "line"),
     [
@@ -41,8 +32,4 @@ def test_work_that_is_cancelled_ends_with_the_next_piece():
     for go_on in (lambda: monitor.tell("found"), monitor.check, lambda: monitor.begin("more")):
         with pytest.raises(CancelledError):
             go_on()
-    assert [each.message for each in seen] == [
-        "",
-        "found",
-        "",
-    ]
+    assert [each.message for each in seen] == ["", "found", ""]

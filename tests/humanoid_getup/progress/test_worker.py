@@ -65,7 +65,6 @@ def test_a_job_passes_on_what_its_pieces_report():
 @pytest.mark.parametrize(("work", "problem"), [(fail, "no such robot"), (die, "process ended")])
 def test_a_job_that_fails_or_is_killed_says_so(work: Callable[..., None], problem: str):
     end = BackgroundJob(work, "no such robot").wait(TIMEOUT)
-    assert end is not None
     assert problem in end.problem
 
 
@@ -95,15 +94,6 @@ def hold(file: str, report: Callable[[Progress], None], *_: object) -> None:
         Path(file).write_text("released")
 
 
-def test_a_job_that_is_interrupted_releases_the_robot(tmp_path: Path):
-    begun = threading.Event()
-    job = BackgroundJob(hold, str(tmp_path / "robot"), report=lambda _: begun.set())
-    assert begun.wait(TIMEOUT)
-    job.cancel()
-    assert job.wait(TIMEOUT) == JobEnd(cancelled=True)
-    assert (tmp_path / "robot").read_text() == "released"
-
-
 PARENT = """
 import sys, threading
 from test_worker import hold
@@ -124,7 +114,6 @@ def test_a_job_whose_parent_is_killed_releases_the_robot(tmp_path: Path):
         stdout=subprocess.PIPE,
         env=os.environ | {"PYTHONPATH": paths},
     ) as parent:
-        assert parent.stdout is not None
         assert parent.stdout.readline()  # the job has begun
         parent.kill()
     wait_until(lambda: (tmp_path / "robot").exists())
@@ -172,17 +161,6 @@ def test_a_request_at_once_ends_the_one_that_runs():
     assert bench.begun.acquire(timeout=LONGEST)
     bench.job.ask("second")
     assert bench.finish() == ["SECOND"]
-
-
-def test_after_it_is_cancelled_nothing_is_left_and_it_works_again():
-    bench = Bench()
-    bench.job.ask("first")
-    assert bench.begun.acquire(timeout=LONGEST)
-    bench.job.ask("second", at_once=False)
-    bench.job.cancel()
-    assert bench.finish() == []
-    bench.job.ask("third")
-    assert bench.finish() == ["THIRD"]
 
 
 def test_an_error_is_an_end_and_the_next_request_is_done():

@@ -6,10 +6,11 @@ from run_getup import Run
 from stored_plans import lie_at_start, plan_stored
 
 from humanoid_getup.commands.main import main
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import Robot
+from robots import Posture, Robot
 from robots.description.posture_file import format_posture
 
 
@@ -35,6 +36,12 @@ def copied_op3(tmp_path: Path, op3: Robot) -> Path:
 @pytest.fixture(scope="session")
 def database(op3: Robot) -> MotionDatabase:
     return load_database(op3)
+
+
+@pytest.fixture(scope="session")
+def supine(world: World) -> Posture:
+    """A robot that fell on its back."""
+    return sample_fall(world, "supine", seed=3).posture
 
 
 @pytest.fixture(scope="session")

@@ -32,7 +32,6 @@ def height_of(posture: Posture) -> float:
 
 
 def lying(depth: float = 0.0) -> Posture:
-    """Lay the robot on its back, sunk into the ground by ``depth``."""
     posture = Posture(
         position=np.array([0.0, 0.0, 0.3]),
         orientation=ON_ITS_BACK,
@@ -90,17 +89,6 @@ def test_a_start_inside_the_ground_or_beyond_a_limit_is_named(checker: Collision
     assert "joint 'l_knee' is +9.000 rad, expected [-1.798, +2.478] rad" in fault
 
 
-def test_loosening_gives_way_step_by_step_until_nothing_hinders(checker: CollisionChecker):
-    deep = row(lying(depth=0.2))
-    answers = []
-    for looseness in np.linspace(0.0, 1.0, 11):
-        checker.loosen(looseness)
-        answers.append(checker.is_free(deep))
-    assert not answers[0]
-    assert answers[-1]
-    assert answers == sorted(answers)
-
-
 def test_an_obstacle_is_hit_and_shrinks_when_loosened():
     above = np.array([0.0, 0.0, 0.25])
     ball = make_capsule("ball", above, above, 0.15)
@@ -155,7 +143,6 @@ def wall_at(y: float, thickness: float) -> Obstacle:
 
 
 def find_hand(posture: Posture) -> float:
-    """Return how far to its left the robot reaches [m]."""
     data = mujoco.MjData(MODEL)
     data.qpos[:] = place(ROBOT, MODEL, posture)
     mujoco.mj_kinematics(MODEL, data)
@@ -173,9 +160,8 @@ def spread() -> Posture:
     return max((replace(above, joint_pos=one) for one in angles), key=find_hand)
 
 
-@pytest.mark.parametrize("thickness", [0.002, 0.02, 0.2])
-@pytest.mark.parametrize("share", [0.5, 0.7, 0.9])
-def test_a_limb_through_a_wall_is_a_collision(thickness: float, share: float):
+@pytest.mark.parametrize(("share", "thickness"), [(0.5, 0.2), (0.7, 0.002), (0.9, 0.02)])
+def test_a_limb_through_a_wall_is_a_collision(share: float, thickness: float):
     """Where the middle of a limb is in it, MuJoCo may find no contact at all."""
     posture = spread()
     assert CollisionChecker(ROBOT, FLAT_SCENE).is_free(row(posture))

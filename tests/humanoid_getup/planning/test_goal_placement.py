@@ -28,14 +28,11 @@ def sample(world: World, start_class: str, count: int = 1) -> list[Posture]:
     return [fall.posture for fall in falls]
 
 
-def test_on_a_slope_a_goal_tilts_with_the_ground_and_rests_on_it(
-    op3: Robot, database: MotionDatabase
-):
+def test_on_a_slope_a_goal_tilts_with_the_ground_and_rests_on_it(op3, database):
     world = World(op3, "slope:15")
-    for start in nonempty(sample(world, "supine", 3)):
+    for start in nonempty(sample(world, "supine", 1)):
         goal = database.select(start)[0].posture
         placed = GoalPlacement(world).place(goal, start)
-        assert placed is not None
         level = align(goal, start)
         up = quaternion.rotate(quaternion.inverse(level.orientation), np.array([0.0, 0.0, 1.0]))
         now = quaternion.rotate(placed.orientation, up)
@@ -46,15 +43,15 @@ def test_on_a_slope_a_goal_tilts_with_the_ground_and_rests_on_it(
 
 
 @pytest.mark.parametrize(
-    "scene", ["table", pytest.param("wall", marks=pytest.mark.slow), "low-bed-a", "rough:hard"]
+    "scene", ["table", pytest.param("wall", marks=pytest.mark.slow), "rough:hard"]
 )
 def test_a_placed_goal_is_free_and_within_reach(op3: Robot, database: MotionDatabase, scene: str):
     world = World(op3, scene)
     start_class = str(world.scene.starts[0].start_class) if world.scene.starts else "prone"
     checker, placement = CollisionChecker(op3, world.scene), GoalPlacement(world)
     found = 0
-    for start in sample(world, start_class, 2):
-        for connection in database.select(start, 4):
+    for start in sample(world, start_class, 1):
+        for connection in database.select(start, 6):
             placed = placement.place(connection.posture, start)
             if placed is None:
                 continue
@@ -64,7 +61,7 @@ def test_a_placed_goal_is_free_and_within_reach(op3: Robot, database: MotionData
             apart = float(np.linalg.norm(placed.position[:2] - start.position[:2]))
             assert apart <= DISTANCES[-1] * leg_length(op3) + 1e-9
             assert abs(placed.position[2] - start.position[2]) < 0.6 * leg_length(op3)
-    assert found >= 4
+    assert found >= 2
 
 
 def test_on_a_slab_with_room_below_goals_are_put_on_top(op3: Robot, database: MotionDatabase):
@@ -79,15 +76,11 @@ def test_on_a_slab_with_room_below_goals_are_put_on_top(op3: Robot, database: Mo
     world = World(op3, Scene(name="slab", obstacles=(slab,), starts=(start,)))
     (lying,) = sample(world, "supine")
     placed = GoalPlacement(world).place(database.select(lying)[0].posture, lying)
-    assert placed is not None
     assert placed.position[2] > 3.0 * leg
 
 
-@pytest.mark.parametrize("scene", ["flat", "ice", "slope:15", "table"])
-@pytest.mark.parametrize("heading", [-2.0, 0.5, 3.0])
-def test_a_goal_has_the_heading_of_the_start(
-    op3: Robot, database: MotionDatabase, scene: str, heading: float
-):
+@pytest.mark.parametrize(("scene", "heading"), [("flat", 3.0), ("slope:15", -2.0), ("table", 0.5)])
+def test_a_goal_has_the_heading_of_the_start(op3, database, scene, heading):
     """The robot rises the way it lies: the goal's heading turns with that of the start."""
     world = World(op3, scene)
     motion = database.rising[0]
@@ -101,7 +94,6 @@ def test_a_goal_has_the_heading_of_the_start(
     if scene == "slope:15":
         start = replace(start, position=start.position + np.array([0.0, 0.0, 3.0 * np.tan(SLOPE)]))
     placed = GoalPlacement(world).place(lying, start)
-    assert placed is not None
     assert placed.position[:2] == pytest.approx(start.position[:2])
     apart = quaternion.angle_between(placed.orientation, start.orientation)
     assert apart == pytest.approx(SLOPE if scene == "slope:15" else 0.0, abs=1e-6)

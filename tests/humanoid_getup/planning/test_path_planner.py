@@ -5,17 +5,11 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from nonempty import nonempty
 
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.motions.posture_metric import PostureMetric, align
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.path_planner import (
-    SPEED_SHARE,
-    PathOptions,
-    PathResult,
-    plan_path,
-)
+from humanoid_getup.planning.path_planner import SPEED_SHARE, PathOptions, PathResult, plan_path
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus
 from humanoid_getup.scenes.obstacle import make_capsule
@@ -54,7 +48,7 @@ def _rest(orientation: Array, joint_pos: Array = ROBOT.standing.joint_pos) -> Po
 @pytest.fixture(scope="module")
 def starts() -> list[Posture]:
     world = World(ROBOT, FLAT)
-    falls = sample_falls(world, {"supine": 4, "prone": 4, "lateral": 4}, np.random.default_rng(0))
+    falls = sample_falls(world, {"supine": 2, "prone": 2, "lateral": 2}, np.random.default_rng(0))
     return [fall.posture for fall in falls]
 
 
@@ -73,7 +67,6 @@ def _nearest(start: Posture, goals: list[Posture]) -> Posture:
 
 
 def depths(model: mujoco.MjModel, data: mujoco.MjData, posture: Posture) -> dict:
-    """Measure how deep each pair of geoms is in each other, by MuJoCo alone."""
     layout = ROBOT.layout(model)
     root = layout.root_qpos
     data.qpos[root : root + 3] = posture.position
@@ -90,10 +83,9 @@ def depths(model: mujoco.MjModel, data: mujoco.MjData, posture: Posture) -> dict
 def test_every_fall_is_planned_from_start_to_goal(
     plans: list[PathResult], starts: list[Posture], goals: list[Posture]
 ):
-    assert len(plans) == 12
+    assert len(plans) == 6
     for plan, start in zip(plans, starts, strict=True):
         assert plan.status is SearchStatus.SOLVED
-        assert plan.trajectory is not None
         np.testing.assert_allclose(plan.trajectory.joint_pos[0], start.joint_pos, atol=1e-9)
         goal = align(_nearest(start, goals), start)
         np.testing.assert_allclose(plan.trajectory.joint_pos[-1], goal.joint_pos, atol=1e-9)
@@ -114,22 +106,16 @@ def test_nothing_on_the_way_is_deeper_than_allowed_or_beyond_a_limit(
         for pair, depth in depths(model, data, align(_nearest(start, goals), start)).items():
             rest[pair] = max(rest.get(pair, 0.0), depth)
         trajectory = plan.trajectory
-        assert trajectory is not None
         assert np.all(trajectory.joint_pos >= ROBOT.lower - 1e-9)
         assert np.all(trajectory.joint_pos <= ROBOT.upper + 1e-9)
+        speed = np.abs(np.diff(trajectory.joint_pos, axis=0)) / ROBOT.control_period
+        assert np.all(speed <= SPEED_SHARE * ROBOT.max_velocity * (1.0 + 1e-6))
         for k in range(len(trajectory.time)):
             for pair, depth in depths(model, data, trajectory.posture(k)).items():
                 tolerance = 0.003 if ground in pair else 0.001
                 assert depth <= max(tolerance, rest.get(pair, 0.0) + 0.25e-3) + 0.5e-3
                 checked += 1
-    assert checked > 1000
-
-
-def test_no_joint_is_faster_than_its_share_of_the_no_load_speed(plans: list[PathResult]):
-    for plan in nonempty(plans):
-        assert plan.trajectory is not None
-        speed = np.abs(np.diff(plan.trajectory.joint_pos, axis=0)) / ROBOT.control_period
-        assert np.all(speed <= SPEED_SHARE * ROBOT.max_velocity * (1.0 + 1e-6))
+    assert checked > 500
 
 
 def test_the_same_seed_gives_the_same_trajectory(
@@ -141,8 +127,6 @@ def test_the_same_seed_gives_the_same_trajectory(
         start, align(_nearest(start, goals), start), checker, np.random.default_rng(hardest)
     )
     first = plans[hardest].trajectory
-    assert first is not None
-    assert again.trajectory is not None
     np.testing.assert_array_equal(again.trajectory.joint_pos, first.joint_pos)
     np.testing.assert_array_equal(again.trajectory.position, first.position)
 
@@ -192,7 +176,6 @@ def test_arms_swing_around_a_beam_that_bars_their_way(goals: list[Posture]):
     assert problem.fails(problem.start, problem.goal)
     plan = plan_path(start, goal, checker, np.random.default_rng(0))
     assert plan.status is SearchStatus.SOLVED
-    assert plan.trajectory is not None
     # The detour moves joints that a straight path would leave alone.
     moved = np.ptp(plan.trajectory.joint_pos, axis=0) > 0.01
     assert np.any(moved & (start.joint_pos == goal.joint_pos))

@@ -5,15 +5,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from open_plane import STEP, OpenPlane
 
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.posture_space import PostureProblem, to_node
 from humanoid_getup.planning.refinement import (
     FINEST,
-    LEAST_LENGTH,
     MARGIN,
-    MERGE,
     WIDEST,
     PartialProblem,
     RefinementOptions,
@@ -27,29 +26,14 @@ from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 
-STEP, SPACING = 0.15, 0.1
+SPACING = 0.1
 
 
-class Plane:
-    """Points in the plane; a wall at x = 0 bars |y| < ``height``."""
+class Plane(OpenPlane):
+    """A wall at x = 0 bars |y| < ``height``."""
 
     def __init__(self, height: float) -> None:
         self.height = height
-
-    def distance(self, nodes: Array, x: Array) -> Array:
-        return np.linalg.norm(nodes - x, axis=1)
-
-    def sample(self, rng: np.random.Generator) -> Array:
-        return rng.uniform(-2.0, 2.0, size=2)
-
-    def steer(self, near, target, goal, count, rng):  # noqa: ARG002
-        way = target - near
-        heading = np.arctan2(way[1], way[0]) + 2.0 * np.pi * np.arange(count) / count
-        step = min(STEP, float(np.linalg.norm(way)))
-        return near + step * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-
-    def is_within_step(self, a: Array, b: Array) -> bool:
-        return bool(np.linalg.norm(a - b) <= STEP + 1e-9)
 
     def fails(self, a: Array, b: Array) -> bool:
         crosses = (a[0] < 0.0) != (b[0] < 0.0)
@@ -86,7 +70,7 @@ class Loosened(Plane):
         self.height = (1.0 - looseness) * self.whole
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_path_is_tightened_in_forty_steps_to_the_strict_one(seed: int):
     problem, rng = Loosened(0.6), np.random.default_rng(seed)
     paper = RefinementOptions(increment=0.025)
@@ -97,17 +81,6 @@ def test_a_path_is_tightened_in_forty_steps_to_the_strict_one(seed: int):
     assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
     np.testing.assert_array_equal(found.path[0], PATH[0])
     np.testing.assert_array_equal(found.path[-1], PATH[-1])
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_an_increment_that_adapts_needs_fewer_levels(seed: int):
-    problem, rng, message = Loosened(0.6), np.random.default_rng(seed), []
-    found = refine(problem, rng, OPTIONS, report=message.append)  # type: ignore[arg-type]
-    assert found.status is SearchStatus.SOLVED
-    assert len(problem.levels) < 20
-    assert message == sorted(message, reverse=True)
-    assert message[-1] == 0.0
-    assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
 
 
 def test_an_increment_is_doubled_after_a_repair_and_halved_after_a_failure():
@@ -146,8 +119,7 @@ def test_a_legal_path_is_divided_and_nothing_else():
     np.testing.assert_allclose(np.diff(found.path, axis=0), [[0.1, 0.0]] * 19, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("height", [0.2, 0.8])
+@pytest.mark.parametrize(("height", "seed"), [(0.2, 0), (0.2, 1), (0.8, 2)])
 def test_a_wall_is_walked_around_and_the_ends_stay(height: float, seed: int):
     problem, found = run(height, seed=seed)
     assert found.status is SearchStatus.SOLVED
@@ -162,15 +134,6 @@ def test_a_wall_is_walked_around_and_the_ends_stay(height: float, seed: int):
         np.testing.assert_allclose([node[1] for node in found.path[-kept:]], 0.0)
 
 
-def test_a_wall_without_end_spends_the_budget_and_says_so():
-    _, found = run(5.0, SearchOptions(max_edges=300, controls=6, edges_per_node=1000))
-    assert found.status is SearchStatus.BUDGET_SPENT
-    assert 300 <= found.edges < 306
-    problem = Plane(5.0)
-    assert any(problem.fails(a, b) for a, b in pairwise(found.path))
-    np.testing.assert_array_equal([found.path[0], found.path[-1]], PATH)
-
-
 def test_a_stretch_is_the_illegal_edges_and_a_margin():
     problem = Plane(0.2)
     path = [np.array([-0.95 + 0.1 * k, 0.0]) for k in range(20)]
@@ -179,13 +142,9 @@ def test_a_stretch_is_the_illegal_edges_and_a_margin():
     assert merge(illegal, 2, len(path)) == [(7, 12)]
     assert merge(illegal, 0, len(path)) == [(9, 10)]
     assert merge(illegal, 50, len(path)) == [(0, 19)]
-
-
-def test_stretches_are_merged_up_to_three_postures_apart():
-    assert (MERGE, MARGIN) == (3, 2)
-    assert merge(np.array([10, 14]), 0, 100) == [(10, 15)]
-    assert merge(np.array([10, 15]), 0, 100) == [(10, 11), (15, 16)]
-    assert merge(np.array([10, 14, 18, 30]), 0, 100) == [(10, 19), (30, 31)]
+    assert merge(np.array([10, 14, 30, 35]), 0, 100) == [(10, 15), (30, 31), (35, 36)], (
+        "three apart"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -212,11 +171,9 @@ def find_arm(robot: Robot) -> list[int]:
     return [robot.joint_names.index(name) for name in ("l_sho_pitch", "l_sho_roll", "l_el")]
 
 
-@pytest.mark.parametrize("how", [None, RefinementOptions(partial_body=False)])
-def test_where_only_an_arm_collides_only_the_arm_is_planned(op3: Robot, arm_in_body, how):
+def test_where_only_an_arm_collides_only_the_arm_is_planned(op3: Robot, arm_in_body):
     problem, path = arm_in_body
-    options = SearchOptions(max_edges=4000)
-    found = repair(problem, path, np.random.default_rng(0), options, how)
+    found = repair(problem, path, np.random.default_rng(0), SearchOptions(max_edges=4000))
     assert found.status is SearchStatus.SOLVED
     assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
     np.testing.assert_array_equal([found.path[0], found.path[-1]], path)
@@ -224,10 +181,8 @@ def test_where_only_an_arm_collides_only_the_arm_is_planned(op3: Robot, arm_in_b
     moved = np.array(found.path)[:, 4 + others] - path[0][4 + others]
     whole = path[1][4 + others] - path[0][4 + others]
     share = moved @ whole / (whole @ whole)
-    off = np.abs(moved - share[:, None] * whole).max()
-    assert (off < 1e-9) == (how is None)
-    if how is None:
-        assert np.all(np.diff(share) >= -1e-9)
+    assert np.abs(moved - share[:, None] * whole).max() < 1e-9
+    assert np.all(np.diff(share) >= -1e-9)
 
 
 JOINTS = np.array([1, 3])
@@ -265,55 +220,6 @@ def path(start: Posture) -> list[np.ndarray]:
 @pytest.fixture
 def part(whole: PostureProblem, path: list[np.ndarray]) -> PartialProblem:
     return PartialProblem(whole, path, JOINTS)
-
-
-def apart(one: np.ndarray, other: np.ndarray) -> float:
-    """Return by how much two postures differ, whichever sign their quaternions have."""
-    half = np.arccos(min(abs(float(one[:4] @ other[:4])), 1.0))
-    return max(half, float(np.abs(one[4:] - other[4:]).max()))
-
-
-def test_a_straight_way_of_limbs_that_go_with_the_path_is_the_path(
-    part: PartialProblem, path: list[np.ndarray]
-):
-    """Joints bend here as the torso turns, so that every node of the path is on that way."""
-    between = part.interpolate(part.start, part.goal, 0.001)
-    assert apart(between[-1], path[-1]) < 1e-9
-    assert max(apart(a, b) for a, b in pairwise([path[0], *between])) < 0.003
-    for node in (path[1], path[2]):
-        assert min(apart(node, other) for other in between) < 0.003
-    np.testing.assert_allclose(np.linalg.norm(between[:, :4], axis=1), 1.0)
-
-
-def test_only_the_chosen_limbs_leave_the_path(part: PartialProblem, path: list[np.ndarray]):
-    moved = part.goal + np.array([0.0, 0.3, -0.4])
-    end = part.interpolate(part.goal, moved, 0.01)[-1]
-    expected = path[-1].copy()
-    expected[4 + JOINTS] += [0.3, -0.4]
-    assert apart(end, expected) < 1e-9
-
-
-def test_no_two_postures_between_are_further_apart_than_the_resolution(part: PartialProblem):
-    far = part.start + np.array([1.0, 0.7, 0.0])
-    for resolution in (0.02, 0.1):
-        between = part.interpolate(part.start, far, resolution)
-        steps = np.abs(np.diff(between[:, 4 + JOINTS], axis=0))
-        assert steps.max() <= resolution + 1e-9
-        assert len(between) >= 0.7 / resolution
-
-
-def test_its_distance_is_that_of_path_and_limbs(
-    part: PartialProblem, whole: PostureProblem, path: list[np.ndarray]
-):
-    """By hand: the length of the path in the metric, and each joint by its weight."""
-    length = sum(float(whole.distance(b[None], a)[0]) for a, b in pairwise(path))
-    assert length > LEAST_LENGTH
-    away = np.array([0.25, 0.0, 0.0])
-    assert part.distance((part.start + away)[None], part.start)[0] == pytest.approx(0.25 * length)
-    bent = part.start + np.array([0.0, 0.3, -0.4])
-    expected = np.linalg.norm(np.array([0.3, -0.4]) * whole.scale[JOINTS])
-    for a, b in ((bent, part.start), (part.start, bent)):
-        assert part.distance(a[None], b)[0] == pytest.approx(expected)
 
 
 def test_steps_stay_in_the_ranges_and_reach_what_is_near(part: PartialProblem, op3: Robot):

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from open_plane import STEP, OpenPlane
 
 from humanoid_getup.planning.rrt_blossom import (
     ROOT,
@@ -17,41 +18,16 @@ from humanoid_getup.planning.rrt_blossom import (
 )
 from robots.quaternion import Array
 
-STEP = 0.15
-
 # A box open to the left, with the goal behind its back: straight ahead is a dead end.
 TRAP = [((0.0, 1.0), (1.0, 1.0)), ((1.0, 1.0), (1.0, -1.0)), ((1.0, -1.0), (0.0, -1.0))]
 LID = [((0.0, 1.0), (0.0, -1.0))]
 
 
 @dataclass
-class Plane:
+class Plane(OpenPlane):
     """Points in the plane between walls."""
 
     walls: list[tuple[tuple[float, float], tuple[float, float]]]
-
-    def distance(self, nodes: Array, x: Array) -> Array:
-        return np.linalg.norm(nodes - x, axis=1)
-
-    def sample(self, rng: np.random.Generator) -> Array:
-        return rng.uniform(-2.0, 2.0, size=2)
-
-    def steer(
-        self,
-        near: Array,
-        target: Array,
-        goal: Array,  # noqa: ARG002
-        count: int,
-        rng: np.random.Generator,  # noqa: ARG002
-    ) -> Array:
-        """Step to the target and, as [Kalisiak06], all around."""
-        way = target - near
-        heading = np.arctan2(way[1], way[0]) + 2.0 * np.pi * np.arange(count) / count
-        step = min(STEP, float(np.linalg.norm(way)))
-        return near + step * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-
-    def is_within_step(self, a: Array, b: Array) -> bool:
-        return bool(np.linalg.norm(a - b) <= STEP + 1e-9)
 
     def fails(self, a: Array, b: Array) -> bool:
         return bool(np.max(np.abs(b)) > 2.0) or any(crosses(a, b, wall) for wall in self.walls)
@@ -70,7 +46,7 @@ START, GOAL = np.array([0.5, 0.0]), np.array([1.6, 0.1])
 OPTIONS = SearchOptions(max_edges=6000, controls=6, edges_per_node=6)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_it_escapes_from_a_trap(seed: int):
     plane = Plane(TRAP)
     result = search(plane, START, GOAL, np.random.default_rng(seed), OPTIONS)
@@ -96,14 +72,6 @@ def test_a_start_walled_in_on_all_sides_is_found_dead_at_once():
     assert result.status is SearchStatus.BUDGET_SPENT
     assert result.reason == "every edge around the start is dead"
     assert result.edges < 100
-
-
-def test_the_budget_is_kept_and_named():
-    options = SearchOptions(max_edges=200, controls=6, edges_per_node=6)
-    result = search(Plane(TRAP + LID), START, GOAL, np.random.default_rng(0), options)
-    assert result.status is SearchStatus.BUDGET_SPENT
-    assert 200 <= result.edges <= 206
-    assert "the budget is 200" in result.reason
 
 
 def test_the_same_seed_finds_the_same_path():
@@ -149,24 +117,11 @@ def test_regression_is_what_comparing_with_every_node_says():
 
 
 @dataclass
-class Recorded(Plane):
-    """A plane that records every step offered: where from, and the leaves, in order."""
-
-    def __post_init__(self) -> None:
-        self.steps: list[tuple[Array, Array]] = []
-
-    def steer(self, near, target, goal, count, rng):
-        leaves = super().steer(near, target, goal, count, rng)
-        self.steps.append((near, leaves))
-        return leaves
-
-
-@dataclass
 class Witness(Plane):
-    """A plane that records what is asked of it."""
+    """A plane that records what is asked of it: from where, whereto, and the leaves, in order."""
 
     def __post_init__(self) -> None:
-        self.asked: list[tuple[Array, Array, Array, int]] = []
+        self.asked: list[tuple[Array, Array, Array]] = []
         self.samples = 0
 
     def sample(self, rng):
@@ -174,37 +129,18 @@ class Witness(Plane):
         return super().sample(rng)
 
     def steer(self, near, target, goal, count, rng):
-        self.asked.append((near, target, goal, count))
-        return super().steer(near, target, goal, count, rng)
+        leaves = super().steer(near, target, goal, count, rng)
+        self.asked.append((near, target, leaves))
+        return leaves
 
 
 def test_every_edge_that_is_tried_counts_once():
     plane = Witness(TRAP + LID)
     options = SearchOptions(max_edges=200, controls=1, edges_per_node=50)
     result = search(plane, START, GOAL, np.random.default_rng(0), options)
-    assert result.edges == sum(count for *_, count in plane.asked) == 200
+    assert result.edges == sum(len(leaves) for *_, leaves in plane.asked) == 200
     assert result.reason == "200 edges tried, the budget is 200"
     assert result.nodes > 10
-
-
-def test_an_open_way_is_walked_an_edge_a_step():
-    """1.1 of way in steps of 0.15: seven edges, and a last one that joins the trees."""
-    plane = Witness([])
-    options = SearchOptions(controls=6)
-    goal = START + np.array([1.1, 0.0])
-    result = search(plane, START, goal, np.random.default_rng(0), options)
-    assert result.status is SearchStatus.SOLVED
-    assert len(result.path) == 9
-    assert result.edges == 7
-
-
-def test_each_tree_holds_what_has_reached_the_root_of_the_other():
-    plane = Witness(TRAP + LID)
-    search(plane, START, GOAL, np.random.default_rng(0), SearchOptions(max_edges=300))
-    inside = [abs(near[0] - 0.5) < 0.5 and abs(near[1]) < 1.0 for near, *_ in plane.asked]
-    assert 10 < sum(inside) < len(inside) - 10
-    for is_start_tree, (_, _, goal, _) in zip(inside, plane.asked, strict=True):
-        np.testing.assert_array_equal(goal, GOAL if is_start_tree else START)
 
 
 @pytest.mark.parametrize(("bias", "low", "high"), [(None, 0.05, 0.16), (0.0, 0.0, 0.02), (1, 1, 1)])
@@ -222,12 +158,12 @@ def test_a_share_of_the_expansions_goes_to_the_other_root(bias, low, high):
     assert low <= sum(roots) / (sum(roots) + plane.samples) <= high
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_search_grows_no_node_that_is_closer_to_another_than_to_its_parent(seed: int):
-    plane = Recorded(TRAP + LID)  # start and goal trees cannot meet, or see each other
+    plane = Witness(TRAP + LID)  # start and goal trees cannot meet, or see each other
     options = SearchOptions(max_edges=300, controls=6, edges_per_node=6)
     search(plane, START, GOAL, np.random.default_rng(seed), options)
-    inside = [(a, leaves) for a, leaves in plane.steps if 0.0 < a[0] < 1.0 and abs(a[1]) < 1.0]
+    inside = [(a, leaves) for a, _, leaves in plane.asked if 0.0 < a[0] < 1.0 and abs(a[1]) < 1.0]
     grown = 0
     for first, (origin, _) in enumerate(inside):
         earlier = [a for a, _ in inside[:first]]
@@ -265,18 +201,6 @@ def test_death_recedes_to_the_root():
     assert not tree.is_viable
 
 
-def test_death_stops_at_a_node_with_another_live_edge():
-    tree = Tree(np.zeros(2), edges_per_node=2)
-    left, right = tree.grow(ROOT, np.array([-1.0, 0.0])), tree.grow(ROOT, np.array([1.0, 0.0]))
-    tree.mark_dead(left)
-    tree.mark_dead(left)
-    assert tree.state(left) is Viability.DEAD
-    assert tree.state(ROOT) is Viability.LIVE
-    assert tree.candidates.tolist() == [False, False, True]
-    assert tree.count(ROOT, Viability.DEAD) == 1
-    assert tree.state(right) is Viability.LIVE
-
-
 def test_one_dormant_edge_makes_a_branch_sleep_and_wakes_it_when_revived():
     tree, nodes = branch()
     tree.mark_dead(nodes[3])
@@ -292,13 +216,3 @@ def test_one_dormant_edge_makes_a_branch_sleep_and_wakes_it_when_revived():
     tree.mark_dead(woken)
     tree.mark_dead(woken)
     assert [tree.state(node) for node in nodes] == [Viability.DEAD] * 4
-
-
-def test_a_path_leads_from_the_root_and_survives_growth():
-    tree = Tree(np.zeros(1), edges_per_node=1)
-    node = ROOT
-    for k in range(1, 200):
-        node = tree.grow(node, np.array([float(k)]))
-    np.testing.assert_array_equal(np.array(tree.path(node))[:, 0], np.arange(200))
-    assert len(tree) == 200
-    assert tree.candidates.sum() == 1

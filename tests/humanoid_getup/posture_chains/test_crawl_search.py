@@ -21,11 +21,6 @@ AHEAD, NEAR = 0.3, 0.2  # m to the place, and near enough
 
 
 @pytest.fixture(scope="module")
-def world(op3: Robot) -> World:
-    return World(op3)
-
-
-@pytest.fixture(scope="module")
 def start(world: World) -> Posture:
     fall = sample_fall(world, "left").posture
     return replace(fall, position=fall.position * [0.0, 0.0, 1.0])
@@ -66,7 +61,6 @@ def test_the_same_seed_finds_the_same_crawl_with_any_threads(
     world: World, start: Posture, crawl: Crawl
 ):
     again = search(world, start, threads=1)
-    assert again is not None
     np.testing.assert_array_equal(again.target, crawl.target)
 
 
@@ -80,8 +74,7 @@ def test_a_crawl_ends_before_a_servo_has_all_its_torque_for_long(
         return np.broadcast_to(np.arange(torque.shape[1])[:, np.newaxis] >= begins, torque.shape)
 
     monkeypatch.setattr(crawl_search, "find_saturation", saturate)
-    shorter = search(world, start, budget=800.0)
-    assert shorter is not None
+    shorter = search(world, start, budget=250.0)
     allowed = begins + MOST_SATURATION / world.robot.control_period
     assert len(shorter.target) <= allowed < len(crawl.target)
     assert shorter.distance < AHEAD

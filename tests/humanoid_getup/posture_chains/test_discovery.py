@@ -18,7 +18,7 @@ from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 
-pytestmark = pytest.mark.usefixtures("few_postures")
+pytestmark = pytest.mark.usefixtures("known_ways_up")
 
 DISCOVERY = "humanoid_getup.posture_chains.discovery"
 SMALL = SearchSettings(batch=2, worlds=2, threads=1)
@@ -52,7 +52,6 @@ def begin(world: World, monkeypatch: pytest.MonkeyPatch) -> Begin:
         monkeypatch.setattr(discovery.maker, "make", make)
         return discovery
 
-    monkeypatch.setattr(f"{DISCOVERY}.find_least_share", lambda *_: min(LIMIT_SHARES))
     monkeypatch.setattr(ChainSearch, "advance", find_chain)
     monkeypatch.setattr(ChainSearch, "shorten", lambda _, chain: chain)
     return make_discovery
@@ -98,9 +97,7 @@ def test_a_chain_that_waits_for_better_ones_is_tried_where_the_search_ends(begin
     assert [*discovery.conclude()] == []  # it has one
 
 
-def test_a_side_on_which_a_robot_does_not_stay_is_skipped(
-    world: World, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_side_on_which_a_robot_does_not_stay_is_skipped(world, monkeypatch):
     def lay_on_its_back(world: World, side: LyingSide, rng: np.random.Generator) -> object:
         return build.lay_on_side(world, side, rng) if side == "supine" else None
 
@@ -110,9 +107,7 @@ def test_a_side_on_which_a_robot_does_not_stay_is_skipped(
     assert discovery.skipped == ("prone", "left")
 
 
-def test_it_searches_under_the_lowest_torque_under_which_motions_are_judged(
-    world: World, monkeypatch: pytest.MonkeyPatch
-):
+def test_it_searches_under_the_lowest_torque_under_which_motions_are_judged(world, monkeypatch):
     full, weakest = float(world.robot.max_torque.max()), min(LIMIT_SHARES)
     for limit, expected in [(None, weakest), (0.8 * full, weakest / 0.8), (0.5 * full, 1.0)]:
         shares = list_shares(world.robot, TorqueLimit(limit))

@@ -20,7 +20,6 @@ def name(world: World, motion: Motion) -> str:
 @pytest.mark.parametrize(
     ("motion", "passed"),
     [
-        ("supine_sit_up_gentle", "sit, squat"),
         ("prone_push_up_gentle", "all fours, squat"),
         ("supine_roll_over", "bridge, right, prone, all fours, squat"),
     ],

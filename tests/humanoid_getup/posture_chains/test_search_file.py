@@ -23,7 +23,7 @@ from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
 from robots.storage.arrays import save_arrays
 
-pytestmark = pytest.mark.usefixtures("few_postures")
+pytestmark = pytest.mark.usefixtures("known_ways_up")
 
 SMALL = SearchSettings(batch=6, worlds=2, threads=1)
 
@@ -126,34 +126,21 @@ def test_a_file_with_a_wrong_number_is_refused_in_one_line(
     with np.load(saved[0]) as arrays:
         sound = dict(arrays)
     rng, counts = json.loads(str(sound["rng"])), json.loads(str(sound["counts"]))
-    circle, far, negative = (sound["links"].copy() for _ in range(3))
-    circle[0, 0], far[1, 2], negative[1, 2] = 1, 10_000, -4
-    none, turned, early = (
-        np.full_like(sound["members"], -1),
-        sound["qpos"].copy(),
-        sound["duration"],
-    )
-    turned[0, 3:7] = 0.0
+    circle, far, turned = sound["links"].copy(), sound["links"].copy(), sound["qpos"].copy()
+    circle[0, 0], far[1, 2], turned[0, 3:7] = 1, 10_000, 0.0
     wrong = {
-        "links": [(circle, "state 0 leads to one after it"), (far, "10000"), (negative, "-4")],
-        "members": [(none, "without states")],
+        "links": [(circle, "state 0 leads to one after it"), (far, "10000")],
+        "members": [(np.full_like(sound["members"], -1), "without states")],
         "qpos": [(turned, "quaternion")],
-        "duration": [(early - 9.0, "takes no time"), (early * np.nan, "nan")],
+        "duration": [(sound["duration"] - 9.0, "takes no time")],
         "target": [(sound["target"] + 99.0, "in the joints' ranges")],
-        "knots": [(sound["knots"] - 99.0, "in the joints' ranges")],
         "progress": [(sound["progress"] + 1.0, "at most 1")],
         "cell": [(sound["cell"] + np.nan, "nan")],
-        "draws": [
-            (sound["draws"] + 0.5, "whole number"),
-            (np.full_like(sound["draws"], -1), "fewer than 0 times"),
-        ],
+        "draws": [(sound["draws"] + 0.5, "whole number")],
         "place": [(sound["place"][:, :2], "shape")],
         "chains": [(np.array([[-1, 0, 0, 0]]), "not there")],
         "rng": [(rewrite(rng, ["state", "state"], -1), "out of bounds"), ("[" * 5000, "recursion")],
-        "counts": [
-            (rewrite(counts, ["simulated"], ["a", "b"]), "Expected `float`"),
-            (rewrite(counts, ["sides", 0, "spent"], -1.0), ">= 0"),
-        ],
+        "counts": [(rewrite(counts, ["sides", 0, "spent"], -1.0), ">= 0")],
     }
     restored, file, refused = begin(world), tmp_path / "wrong.npz", list[str]()
     for key, changes in wrong.items():
@@ -162,12 +149,11 @@ def test_a_file_with_a_wrong_number_is_refused_in_one_line(
             with pytest.raises(ValueError, match=message) as error:
                 restore(file, restored)
             refused.append(str(error.value))
-    assert len(refused) == 19
+    assert len(refused) == 14
     assert all("\n" not in line and line.startswith(str(file)) for line in refused)
 
 
 def rewrite(content: Any, keys: Sequence[str | int], value: object) -> str:
-    """Write content as JSON with one value replaced."""
     changed = copy.deepcopy(content)
     inner = changed
     for key in keys[:-1]:

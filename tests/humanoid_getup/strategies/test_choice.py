@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.strategies.choice import (
     NEAREST,
     PLAN,
@@ -41,11 +40,9 @@ def test_every_name_makes_a_strategy_under_the_limit(world, database, name, kind
         assert strategy.options.planning is strategy.options.filtering is (name == PLAN)
 
 
-def test_a_style_brings_the_policy_that_follows_it(world):
+def test_a_style_brings_the_policy_that_follows_it(world, supine):
     request = StrategyRequest(method="policy", style="side-sit")
-    plan = choose_strategy(world, request).plan(
-        sample_fall(world, "prone", seed=1).posture, np.random.default_rng(0)
-    )
+    plan = choose_strategy(world, request).plan(supine, np.random.default_rng(0))
     assert isinstance(plan, PolicyPlan)
     assert plan.status is RiseStatus.LEARNED
     assert plan.title == "policy styled, style side-sit"

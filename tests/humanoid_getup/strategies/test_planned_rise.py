@@ -2,33 +2,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stored_plans import lie_at_start
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import Experiment
-from humanoid_getup.experiments.starts.falls import sample_fall, sample_falls
-from humanoid_getup.filtering.candidate import straight_path
-from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
+from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.free_rise import FreeRise
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions, chain
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from humanoid_getup.strategies.rise_search import FoundRise
 from robots import TorqueLimit
 from robots.kinematics import place
 
 
 @pytest.fixture(scope="module")
-def fall(world):
-    return sample_falls(world, {"supine": 1}, np.random.default_rng(3))[0].posture
-
-
-@pytest.fixture(scope="module")
-def plan(world, database, fall):
-    return PlannedRise(world, database).plan(fall, np.random.default_rng(0))
+def plan(world, database, supine):
+    return PlannedRise(world, database).plan(supine, np.random.default_rng(0))
 
 
 def test_a_supine_fall_is_planned_and_stands(plan):
@@ -39,15 +32,9 @@ def test_a_supine_fall_is_planned_and_stands(plan):
 
 
 def test_a_plan_says_where_the_robot_lay_and_what_its_rollout_took(plan):
-    """Whichever side the motion that it joins begins on."""
     assert plan.motion.start_class == "supine"
     search = plan.search
-    assert (search.prefer, search.budget, search.simulated, search.before) == (
-        "time",
-        600.0,
-        0,
-        None,
-    )
+    assert (search.prefer, search.budget, search.simulated) == ("time", 600.0, 0)
     assert search.outcome.stand_time == pytest.approx(plan.stand_time)
     assert 0.3 < search.outcome.rms_torque < search.outcome.peak_torque <= 4.1
     figures = plan.figures()
@@ -56,23 +43,23 @@ def test_a_plan_says_where_the_robot_lay_and_what_its_rollout_took(plan):
     assert str(plan).startswith(f"{plan.title}: a rollout ends in a held stand, stands in ")
 
 
-def test_a_rise_begins_where_the_robot_lies_and_ends_in_the_stance(plan, fall, op3):
+def test_a_rise_begins_where_the_robot_lies_and_ends_in_the_stance(plan, supine, op3):
     motion = plan.motion
-    np.testing.assert_allclose(motion.joint_pos[0], fall.joint_pos, atol=1e-6)
+    np.testing.assert_allclose(motion.joint_pos[0], supine.joint_pos, atol=1e-6)
     reach = op3.max_velocity * op3.control_period
-    assert np.all(np.abs(motion.joint_target[0] - fall.joint_pos) <= reach)
+    assert np.all(np.abs(motion.joint_target[0] - supine.joint_pos) <= reach)
     np.testing.assert_allclose(motion.joint_target[-1], op3.standing.joint_pos, atol=1e-6)
 
 
-def test_a_plan_depends_on_start_and_seed_alone(world, database, fall, plan):
+def test_a_plan_depends_on_start_and_seed_alone(world, database, supine, plan):
     """A planner that has planned another rise, and is watched, plans this one as a new one does."""
     seen = list[str]()
     monitor = ProgressMonitor(lambda progress: seen.append(str(progress)))
     planner = PlannedRise(world, database, monitor=monitor)
-    other = planner.plan(sample_fall(world, "prone", seed=4).posture, np.random.default_rng(1))
+    other = planner.plan(lie_at_start(world), np.random.default_rng(1))
     assert other.rollouts > 0
     seen.clear()
-    again = planner.plan(fall, np.random.default_rng(0))
+    again = planner.plan(supine, np.random.default_rng(0))
     assert (again.rollouts, again.rounds, again.robust) == (plan.rollouts, plan.rounds, plan.robust)
     np.testing.assert_array_equal(again.motion.joint_target, plan.motion.joint_target)
     np.testing.assert_array_equal(again.motion.position, plan.motion.position)
@@ -84,13 +71,13 @@ def test_a_plan_depends_on_start_and_seed_alone(world, database, fall, plan):
     assert "checking a rise in 16 disturbed worlds" in seen
 
 
-@pytest.mark.parametrize("steps", [1, 4, 5])
-def test_a_plan_that_is_cancelled_ends_with_the_step(world, database, fall, steps: int):
+@pytest.mark.parametrize("steps", [1, 4])
+def test_a_plan_that_is_cancelled_ends_with_the_step(world, database, supine, steps: int):
     seen = list[Progress]()
     monitor = ProgressMonitor(seen.append, lambda: len(seen) >= steps)
     planner = PlannedRise(world, database, monitor=monitor)
     with pytest.raises(CancelledError):
-        planner.plan(fall, np.random.default_rng(0))
+        planner.plan(supine, np.random.default_rng(0))
     assert len(seen) == steps
 
 
@@ -98,13 +85,11 @@ def test_a_plan_that_is_cancelled_ends_with_the_step(world, database, fall, step
     ("limit", "searched", "advice"),
     [
         (None, 0.0, ""),
-        (2.5, 0.0, "; next: a higher --torque-limit than 2.5 N·m"),
-        (None, 60.0, "; next: a longer --search-budget than 60 s"),
         (2.5, 90.0, "than 2.5 N·m or a longer --search-budget than 60 s"),
     ],
 )
 def test_a_plan_that_falls_says_what_may_help(
-    world, database, fall, monkeypatch: pytest.MonkeyPatch, limit, searched: float, advice: str
+    world, database, supine, monkeypatch: pytest.MonkeyPatch, limit, searched: float, advice: str
 ):
     planner = PlannedRise(world, database, torque_limit=TorqueLimit(limit), search_budget=60.0)
 
@@ -113,18 +98,15 @@ def test_a_plan_that_falls_says_what_may_help(
         return FoundRise(rolled_out=True, highest=0.1, joined="squat")
 
     monkeypatch.setattr(FreeRise, "search", search)
-    reason = planner.plan(fall, np.random.default_rng(0)).reason
+    reason = planner.plan(supine, np.random.default_rng(0)).reason
     assert reason.endswith(advice)
     assert ("next: " in reason) == bool(advice)
 
 
-@pytest.mark.parametrize("rolled_out", [True, False])
-def test_a_side_without_motion_is_named_where_planning_fails(
-    world, database, monkeypatch: pytest.MonkeyPatch, *, rolled_out: bool
-):
+def test_a_side_without_motion_is_named_where_planning_fails(world, database, monkeypatch):
     prone = [motion for motion in database.rising if motion.start_class == "prone"]
     planner = PlannedRise(world, MotionDatabase(prone, PostureMetric.of(world.robot)))
-    found = FoundRise(rolled_out=rolled_out)
+    found = FoundRise(rolled_out=True)
     monkeypatch.setattr(FreeRise, "search", lambda *_: found)
     starts = {"supine": (0.7, 0.0, -0.7, 0.0), "prone": (0.7, 0.0, 0.7, 0.0)}
     posture = replace(world.robot.standing, position=np.array([0.0, 0.0, 0.1]))
@@ -134,24 +116,22 @@ def test_a_side_without_motion_is_named_where_planning_fails(
         assert ("has no motion from supine; next: getup motions discover" in reason) == (
             side == "supine"
         )
-    assert planner.describe_gap(None) == planner.describe_gap("fall.json") == ""
+    assert planner.describe_gap(None) == planner.describe_gap("supine.json") == ""
 
 
-def test_an_interrupted_plan_says_what_it_has_found(
-    world, database, fall, monkeypatch: pytest.MonkeyPatch
-):
+def test_an_interrupted_plan_says_what_it_has_found(world, database, supine, monkeypatch):
     def interrupt(*_args, **_options):
         raise KeyboardInterrupt
 
     planner = PlannedRise(world, database)
     monkeypatch.setattr(planner.filter, "separate", interrupt)
     with pytest.raises(KeyboardInterrupt, match=r"planning was in round 1, none stands yet; the b"):
-        planner.plan(fall, np.random.default_rng(0))
+        planner.plan(supine, np.random.default_rng(0))
 
 
-def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, fall):
+def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, supine):
     raw = PlannedRise(world, database, options=PlannerOptions(filtering=False)).plan(
-        fall, np.random.default_rng(0)
+        supine, np.random.default_rng(0)
     )
     assert raw.status is RiseStatus.UNFILTERED
     assert raw.rollouts == 0
@@ -161,9 +141,9 @@ def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, data
 
 
 @pytest.mark.slow  # half a minute
-def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, fall):
+def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, supine):
     planner = PlannedRise(world, database, torque_limit=TorqueLimit(0.15))
-    weak = planner.plan(fall, np.random.default_rng(0))
+    weak = planner.plan(supine, np.random.default_rng(0))
     assert weak.status is RiseStatus.FELL
     assert not isinstance(weak, MotionPlan)
     assert weak.title == ""
@@ -172,18 +152,17 @@ def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, fa
 
 @pytest.mark.slow
 def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
-    world, database, plan, fall
+    world, database, plan, supine
 ):
     planner = PlannedRise(world, database, prefer="torque", search_budget=200.0)
-    gentle = planner.plan(fall, np.random.default_rng(1))
+    gentle = planner.plan(supine, np.random.default_rng(1))
     assert gentle.robust >= plan.robust
-    assert gentle.search is not None
     assert gentle.search.simulated > 0.0
     assert gentle.search.before is not None
     weigh = Preference.of("torque").cost
     assert weigh(gentle.search.outcome) < weigh(gentle.search.before)
 
-    start = place(world.robot, world.model, fall)[None]
+    start = place(world.robot, world.model, supine)[None]
     nominal = Scenarios(starts=start, parameters=DomainParameters.nominal(world, 1))
     motions = [plan.motion.joint_target, gentle.motion.joint_target]
     outcome = Experiment(world).compare(nominal, motions)
@@ -196,31 +175,9 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
     [
         ({"prefer": "luck"}, r"prefer is 'luck', expected one of time, torque"),
         ({"search_budget": 0.0}, r"search_budget is 0.0 s, expected above 0 s"),
-        ({"search_budget": float("nan")}, r"search_budget is nan s"),
         ({"search_budget": float("inf")}, "search_budget is inf s, expected above 0 s, at most"),
-        ({"prefer": ["time"]}, "prefer is .'time'., expected one of time"),
     ],
 )
 def test_a_wrong_preference_or_budget_is_refused(world, database, options, message):
     with pytest.raises(ValueError, match=message):
         PlannedRise(world, database, **options)
-
-
-def test_a_chained_motion_is_the_path_and_then_the_motions_own_targets(world: World):
-    robot, joined = world.robot, load_database(world.robot).rising[0]
-    frame = int(joined.entry_frames[-1])
-    goal = joined.posture(frame)
-    start = joined.posture(0)
-    path = straight_path(start, goal, 2.0, robot.control_period)
-    motion = chain(world, path, Connection(joined, frame, 0.0))
-    count, rest = len(path.time), len(joined.time) - frame
-    assert len(motion.time) == count + rest
-    np.testing.assert_allclose(np.diff(motion.time), robot.control_period)
-    np.testing.assert_array_equal(motion.joint_target[:count], path.joint_pos)
-    np.testing.assert_array_equal(motion.joint_target[count:], joined.joint_target[frame:])
-    np.testing.assert_array_equal(motion.joint_pos[count:], joined.joint_pos[frame:])
-    # The motion goes on where the path ends, over the ground and in height.
-    np.testing.assert_allclose(motion.position[count], path.position[-1])
-    assert motion.name == f"path_to_{joined.name}"
-    assert (motion.rises, motion.start_class) == (True, joined.start_class)
-    assert motion.provenance["path_frames"] == pytest.approx(count)

@@ -6,19 +6,9 @@ from nonempty import nonempty
 
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RiseStatus
 from humanoid_getup.strategies.stored_motion import NearestMotion, StoredMotion
 
 RNG = np.random.default_rng(0)
-
-
-def test_one_motion_is_planned_for_every_start(world: World):
-    strategy = StoredMotion(world, "squat_to_stand")
-    plans = [
-        strategy.plan(motion.posture(0), RNG) for motion in load_database(world.robot).rising[:2]
-    ]
-    assert {plan.motion.name for plan in plans} == {"squat_to_stand"}
-    assert plans[0].status is RiseStatus.STORED
 
 
 def test_a_motion_that_does_not_rise_is_refused_by_its_end(world: World):

@@ -15,8 +15,6 @@ from robots import Robot
 
 @dataclass
 class Planner:
-    """A planner whose plan is made already."""
-
     made: RisePlan
 
     def plan(self, _start, _rng) -> RisePlan:
@@ -56,11 +54,3 @@ def test_a_motion_that_does_not_stand_up_has_nothing_to_follow(learned, motion):
     assert plan.status is RiseStatus.FELL
     assert "the neck ends at" in plan.detail
     assert plan.controller(learned) is None
-
-
-def test_heights_on_a_slope_are_over_the_slope(op3, motion):
-    """A rise has the same curves wherever on the slope it is."""
-    world = World(op3, "slope:10")
-    away = np.array([3.0, 1.0, 3.0 * np.tan(np.radians(10.0))])
-    up = replace(motion, position=motion.position + away)
-    assert read_curves(world, up).points == pytest.approx(read_curves(world, motion).points)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -65,31 +66,23 @@ def test_records_are_read_from_the_robots_folder(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("torque_limit", "stood", "n"),
-    [(4.1, 248, 250), (5.0, 248, 250), (3.0, 170, 250), (2.0, 170, 250)],
+    ("torque_limit", "stood", "by"),
+    [
+        (5.0, 248, "current"),
+        (3.0, 170, "current"),
+        (2.0, 170, "current"),
+        (1.9, None, "current"),
+        (3.0, 120, "pwm"),
+        (4.1, 248, "pwm"),
+    ],
 )
 def test_what_counts_is_the_strongest_servo_not_stronger_than_mine(
-    tmp_path: Path, torque_limit: float, stood: int, n: int
+    tmp_path: Path, torque_limit: float, stood: int | None, by: Any
 ):
-    records = load_track_record(robot_with(TEXT, tmp_path))
-    assert (
-        records.success(ROBUST, "supine", TorqueLimit(torque_limit, "current"))
-        == wilson_interval(stood, n)[0]
+    promised = load_track_record(robot_with(TEXT, tmp_path)).success(
+        ROBUST, "supine", TorqueLimit(torque_limit, by)
     )
-
-
-@pytest.mark.parametrize(("torque_limit", "stood"), [(2.0, 120), (3.0, 120), (4.1, 248)])
-def test_a_cap_by_pwm_has_records_of_its_own(tmp_path: Path, torque_limit: float, stood: int):
-    records = load_track_record(robot_with(TEXT, tmp_path))
-    promised = records.success(ROBUST, "supine", TorqueLimit(torque_limit, "pwm"))
-    assert promised == wilson_interval(stood, 250)[0]
-
-
-def test_nothing_is_promised_of_what_was_not_measured(tmp_path: Path):
-    records = load_track_record(robot_with(TEXT, tmp_path))
-    assert records.success(ROBUST, "supine", TorqueLimit(1.9, "current")) == 0.0
-    assert records.success(ROBUST, "prone", TorqueLimit(4.1, "current")) == 0.0
-    assert records.success(StrategyId(PLAN), "supine", TorqueLimit(2.0, "current")) == 0.0
+    assert promised == (0.0 if stood is None else wilson_interval(stood, 250)[0])
 
 
 def test_all_that_is_wrong_is_reported_at_once(tmp_path: Path):

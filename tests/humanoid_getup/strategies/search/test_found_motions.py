@@ -22,19 +22,16 @@ from robots.body.squats import list_squats
 from robots.body.statics import Statics
 from robots.kinematics import read_posture
 
-pytestmark = pytest.mark.usefixtures("few_postures")
+pytestmark = pytest.mark.usefixtures("known_ways_up")
 
 
 @pytest.fixture(scope="module")
 def squat(world: World) -> Posture:
-    """Return OP3 at rest in a squat."""
     angles = list_squats(Limbs(world.robot), Statics(world.robot))[4].joint_pos
     return read_posture(world.robot, world.model, lay_down(world, "squat", angles))
 
 
-def test_motions_begin_where_the_robot_is_and_stand_the_shortest_first(
-    world: World, squat: Posture, monkeypatch: pytest.MonkeyPatch
-):
+def test_motions_begin_where_the_robot_is_and_stand_the_shortest_first(world, squat, monkeypatch):
     home = world.robot.standing.joint_pos
 
     def find_chain(self: ChainSearch) -> None:
@@ -66,7 +63,7 @@ def test_what_cannot_rise_is_not_searched(world: World, tiny: Robot, squat: Post
     assert finder.find(tiny.standing, 1e6, np.random.default_rng(0)) == []
 
 
-def test_a_search_ends_with_its_budget(world: World, monkeypatch: pytest.MonkeyPatch):
+def test_a_search_ends_with_its_budget(world, supine, monkeypatch):
     advanced = list[ChainSearch]()
 
     def spend(self: ChainSearch) -> None:
@@ -74,16 +71,13 @@ def test_a_search_ends_with_its_budget(world: World, monkeypatch: pytest.MonkeyP
         self._player.simulated += 1000.0
 
     monkeypatch.setattr(ChainSearch, "advance", spend)
-    start = sample_fall(world, "supine", seed=1).posture
     finder = MotionFinder(world, FULL_TORQUE, threads=1)
-    assert finder.find(start, 10_000.0, np.random.default_rng(0)) == []
+    assert finder.find(supine, 10_000.0, np.random.default_rng(0)) == []
     assert len(advanced) in (9, 10)  # some time went into the ways up
     assert 10_000.0 <= finder.simulated < 11_000.0
 
 
-def test_a_plan_whose_stored_motions_fail_goes_on_with_a_found_one(
-    world: World, op3: Robot, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_plan_whose_stored_motions_fail_goes_on_with_a_found_one(world, op3, monkeypatch):
     known = find_motion(op3, "supine_sit_up_fast")
     lying = read_posture(op3, world.model, lay_down(world, "supine", known.joint_pos[0]))
     asked = list[tuple[Posture, float]]()
@@ -106,9 +100,7 @@ def test_a_plan_whose_stored_motions_fail_goes_on_with_a_found_one(
 
 
 @pytest.mark.slow
-def test_op3_rises_from_its_back_with_a_motion_from_its_front_alone(
-    world: World, op3: Robot, monkeypatch: pytest.MonkeyPatch
-):
+def test_op3_rises_from_its_back_with_a_motion_from_its_front_alone(world, op3, monkeypatch):
     prone = find_motion(op3, "prone_push_up_fast")
     only = [replace(prone, entry=np.arange(len(prone.time)) == 0)]
     planner = PlannedRise(world, MotionDatabase(only, PostureMetric.of(op3)))

@@ -1,7 +1,5 @@
 """The rounds of a free rise: what is tried, and what ends them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -104,8 +102,6 @@ def start(database):
 
 @pytest.fixture
 def search(world, database, start):
-    """Search from a prone posture, with a filter of given answers."""
-
     def search(stands, share=1.0, finder=None, **fields):
         lying = place(world.robot, world.model, start)
         dynamics = Filter(stands, lying, share, **fields)
@@ -166,7 +162,6 @@ LENGTH, MOVING = 400, 50
 
 
 def failed(robot: Robot, world: World, side: str, y: float) -> Any:
-    """Make a rollout that fails and ends lying on a side at a place."""
     posture = Posture(
         position=np.array([0.0, y, 0.08]),
         orientation=lying(side),
@@ -186,13 +181,6 @@ def test_alike_ends_are_picked_once_and_cut_at_rest(op3: Robot):
     assert len(ends) == MOST_ENDS
     length = MOVING + round(REST / op3.control_period)
     assert all(len(end.target) == length for end in ends)
-
-
-def test_without_obstacles_what_was_not_picked_is_forgotten(op3: Robot):
-    world = World(op3)
-    continuation = Continuation(world, None)
-    continuation.pick([failed(op3, world, side, 0.0) for side in ("prone", "prone")])
-    assert continuation.pick([]) == []
 
 
 def test_under_a_table_the_freest_ends_come_first_and_the_others_wait(op3: Robot):

@@ -76,12 +76,7 @@ class Filter:
 
 def search_with(dynamics: Filter) -> RiseSearch:
     tools = SearchTools(
-        world=None,
-        database=None,
-        approach=None,
-        filter=dynamics,
-        finder=None,
-        budget=100.0,
+        world=None, database=None, approach=None, filter=dynamics, finder=None, budget=100.0
     )
     search = RiseSearch(tools, None, np.random.default_rng(0), lambda one: one.lost)
     search.try_all([Candidate(path=None, connection=None)])

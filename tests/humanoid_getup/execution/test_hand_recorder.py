@@ -16,8 +16,6 @@ TAKE, UNDO, FINISH, LEAVE = Press.TAKE, Press.UNDO, Press.FINISH, Press.LEAVE
 
 
 class Script:
-    """Presses one key each time it is asked."""
-
     def __init__(self, *presses: Press | None) -> None:
         self.left = deque(presses)
 

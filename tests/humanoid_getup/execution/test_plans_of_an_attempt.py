@@ -1,7 +1,5 @@
 """Plans of one attempt: made again where they fall in the preflight, and after a move."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,7 +14,7 @@ from humanoid_getup.execution.get_up import get_up as get_robot_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.motions.motion import NO_END, Motion
-from humanoid_getup.playback.preflight import Verdict
+from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
@@ -42,6 +40,19 @@ class Passed(MotionPlan):
 
     def preflight(self, *_) -> Verdict:
         return Verdict()
+
+
+class Fallen(Verdict):
+    """A verdict of a motion that falls."""
+
+    falls = another_may_pass = True
+
+
+class Falls(MotionPlan):
+    """A plan that the preflight refuses, without a rollout."""
+
+    def preflight(self, *_) -> Verdict:
+        return Fallen((Reason(ReasonKind.REFUSE, None, "it does not end in a held stand"),))
 
 
 @pytest.fixture
@@ -73,7 +84,7 @@ def get_up(
 
 
 def test_a_searched_plan_that_falls_in_the_preflight_is_made_again(world, prone, motions):
-    wrong = MotionPlan(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=1.0)
+    wrong = Falls(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=1.0)
     right = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
     result, _ = get_up(world, prone, [wrong, right])
     assert result.status is AttemptStatus.STOOD
@@ -85,7 +96,7 @@ def test_a_searched_plan_that_falls_in_the_preflight_is_made_again(world, prone,
 
 
 def test_after_a_few_plans_that_fall_nothing_is_played(world, prone, motions):
-    wrong = MotionPlan(status=RiseStatus.STOOD, motion=motions[WRONG])
+    wrong = Falls(status=RiseStatus.STOOD, motion=motions[WRONG])
     result, strategy = get_up(world, prone, [wrong] * (MOST_PLANS + 1))
     assert len(strategy.starts) == MOST_PLANS
     assert result.times_played == 0
@@ -102,7 +113,7 @@ def test_a_robot_that_tips_over_while_it_is_planned_for_is_planned_for_again(
     estimates = iter([on_edge])
     monkeypatch.setattr(attempt_manager, "estimate_posture", lambda *_: next(estimates, prone))
     for_the_side = MotionPlan(status=RiseStatus.STORED, motion=_begin_as(motions[RIGHT], on_edge))
-    right = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT])
+    right = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT])
     result, strategy = get_up(world, prone, [for_the_side, right])
     assert [start is prone for start in strategy.starts] == [False, True]
     assert result.stood
@@ -116,14 +127,14 @@ def _begin_as(motion: Motion, posture: Posture) -> Motion:
 
 
 def test_a_motion_that_would_be_the_same_again_is_not_planned_again(world, prone, motions):
-    stored = MotionPlan(status=RiseStatus.STORED, motion=motions[WRONG])
+    stored = Falls(status=RiseStatus.STORED, motion=motions[WRONG])
     result, strategy = get_up(world, prone, [stored] * 2)
     assert len(strategy.starts) == 1
     assert not result.stood
 
 
 def test_after_a_move_the_robot_settles_and_is_planned_for_again(world, prone, motions, move):
-    rise = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
+    rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
     moved = []
     result, strategy = get_up(world, prone, [move, rise], moved=moved.append, settle=False)
     assert result.status is AttemptStatus.STOOD
@@ -152,12 +163,7 @@ def test_after_a_move_that_turns_the_robot_it_is_looked_for_in_that_heading(
     rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT])
     reckoning = DeadReckoning(Placement(x=1.0, y=-2.0, heading=0.4))
     _, strategy = get_up(
-        world,
-        prone,
-        [turning, rise],
-        locate=reckoning.locate,
-        moved=reckoning.move,
-        settle=False,
+        world, prone, [turning, rise], locate=reckoning.locate, moved=reckoning.move, settle=False
     )
     headings = [Placement.of(start).heading for start in strategy.starts]
     assert headings[0] == pytest.approx(0.4)

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from nonempty import nonempty
+from recording_backend import still_state
 
 from drivers import Command, GuardLimits, SafetyGuard, State, Twin
 from humanoid_getup.benchmarks.disturbed import WorldChange
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
-from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.balance import GAINS, Balance, find_ankles
 from humanoid_getup.playback.motion_player import MotionPlayer
@@ -31,17 +31,12 @@ RIGHT = np.array([1.0, 0.0, 0.0])
 def measure(world: World, orientation: np.ndarray, gyro: np.ndarray | None = None) -> State:
     """Measure a torso orientation and angular velocity [rad/s] through the mounted IMU."""
     robot, mounting = world.robot, world.model.site(world.robot.imu_site).quat
-    zeros = np.zeros(robot.n)
     turn = np.zeros(3) if gyro is None else gyro
-    return State(
-        time=0.0,
+    return still_state(
+        robot,
         joint_pos=robot.standing.joint_pos,
-        joint_vel=zeros,
-        joint_current=zeros,
         gyro=quaternion.rotate(quaternion.inverse(mounting), turn),
         orientation=quaternion.multiply(orientation, mounting),
-        temperature=zeros + 25.0,
-        voltage=12.0,
     )
 
 
@@ -68,8 +63,7 @@ def test_ankles_turn_the_torso_over_the_feet(op3: Robot, world: World):
             assert float(quaternion.angle_between(torso, turned)) < 0.1 * SMALL, site
 
 
-@pytest.mark.parametrize("heading", [0.0, 1.3])
-@pytest.mark.parametrize("row", [0, 1])
+@pytest.mark.parametrize(("row", "heading"), [(0, 1.3), (1, 0.0)])
 def test_a_leaning_torso_is_turned_back_whatever_its_heading(world: World, row, heading):
     lean = quaternion.from_axis_angle((RIGHT, FORWARD)[row], SMALL)
     stand = quaternion.multiply(world.robot.standing.orientation, lean)
@@ -102,32 +96,6 @@ def test_targets_stay_in_range_in_speed_and_near_the_motion(world: World, axis, 
         assert np.all((sent >= robot.lower) & (sent <= robot.upper))
         last = sent
     assert np.all(np.abs(correct(world, state)) <= GAINS.largest + 1e-12)
-
-
-def test_after_a_motion_that_ends_swaying_the_attitude_of_the_stance_counts(
-    op3: Robot, world: World
-):
-    leaning = quaternion.from_axis_angle(FORWARD, 0.3)
-    swaying = replace(
-        op3.standing, orientation=quaternion.multiply(op3.standing.orientation, leaning)
-    )
-    motion = Motion.through(
-        [swaying, swaying],
-        op3.control_period,
-        name="sway",
-        robot=op3.name,
-        start_class="prone",
-        strategy="swaying",
-        joint_target=np.tile(op3.standing.joint_pos, (2, 1)),
-    )
-    balance, target = Balance(world, motion), op3.standing.joint_pos
-    balance.reset(target)
-    upright = measure(world, op3.standing.orientation)
-    at_end = balance.correct(upright, motion.time[-1], target) - target
-    for _ in range(40):
-        later = balance.correct(upright, motion.time[-1] + 1.0, target) - target
-    assert np.abs(at_end).max() > 0.01
-    assert np.abs(later).max() < 1e-6
 
 
 def test_while_the_robot_leans_on_a_hand_a_motion_is_sent_as_it_is(op3: Robot, world: World):
@@ -163,58 +131,7 @@ def test_mirrored_errors_are_answered_mirrored(world: World, angle, roll, turn):
     assert mirrored == pytest.approx(world.robot.mirror_joints(original), abs=1e-9)
 
 
-@pytest.mark.parametrize("rate", [0.7, -0.4])
-def test_a_torso_that_turns_as_recorded_is_left_alone(op3: Robot, world: World, rate: float):
-    count, frame = 100, 70  # the torso comes up at a constant rate
-    tilts = rate * op3.control_period * (np.arange(count) - count)
-    turned = [quaternion.from_axis_angle(FORWARD, tilt) for tilt in tilts]
-    motion = Motion.through(
-        [replace(op3.standing, orientation=orientation) for orientation in turned],
-        op3.control_period,
-        name="raise",
-        robot=op3.name,
-        start_class="prone",
-        strategy="raising the torso",
-        joint_target=np.tile(op3.standing.joint_pos, (count, 1)),
-    )
-    target = op3.standing.joint_pos
-
-    def correct_at_once(gyro: np.ndarray) -> np.ndarray:
-        balance = Balance(world, motion)
-        balance.reset(target)
-        return balance.correct(measure(world, turned[frame], gyro), motion.time[frame], target)
-
-    assert correct_at_once(rate * FORWARD) == pytest.approx(target, abs=1e-6)
-    faster = correct_at_once((rate + 0.1) * FORWARD) - target
-    wanted = -GAINS.rate[1] * 0.1 * find_ankles(world)[1]
-    assert faster == pytest.approx(wanted, abs=1e-6)
-
-
-def test_until_the_torso_is_upright_a_motion_is_sent_as_it_is(op3: Robot, world: World):
-    tilts = np.radians([90.0, 60.0, 20.0, 50.0, 30.0, 0.0])
-    motion = Motion.through(
-        [
-            replace(op3.standing, orientation=quaternion.from_axis_angle(FORWARD, tilt))
-            for tilt in tilts
-        ],
-        op3.control_period,
-        name="raise",
-        robot=op3.name,
-        start_class="prone",
-        strategy="raising the torso",
-        joint_target=np.tile(op3.standing.joint_pos, (len(tilts), 1)),
-    )
-    balance = Balance(world, motion)
-    balance.reset(op3.standing.joint_pos)
-    lying = measure(world, quaternion.from_axis_angle(FORWARD, 1.2))
-    moved = [
-        not np.array_equal(balance.correct(lying, time, target), target)
-        for time, target in zip(motion.time, motion.joint_target, strict=True)
-    ]
-    assert moved == [False, False, False, False, True, True]  # the last time it comes up counts
-
-
-@pytest.mark.parametrize("slope", [-10.0, 12.0])
+@pytest.mark.parametrize("slope", [12.0])
 def test_on_a_steep_slope_a_stand_lasts_only_with_balance(op3: Robot, world: World, slope: float):
     tilted = WorldChange(slope=math.radians(slope))
     start = tilted.lay(world, op3.standing, np.random.default_rng(0))
@@ -255,7 +172,7 @@ def rock(world: World, late: int, *, softly: bool, monkeypatch: pytest.MonkeyPat
     return max(speeds[-round(1.0 / robot.control_period) :])
 
 
-@pytest.mark.parametrize("late", [0, 2])
+@pytest.mark.parametrize("late", [2])
 def test_stiff_ankles_do_not_rock_a_robot_whose_imu_is_late(late: int, monkeypatch):
     """ToddlerBot's ankles follow their targets four times as soon as those of the OP3."""
     world = World(load_robot("toddlerbot"))

@@ -7,9 +7,9 @@ import pytest
 from records import make_record
 
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.motions.motion import NO_END, STANDING, Motion
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.playback.ending import describe_end, has_succeeded, hold_time
+from humanoid_getup.playback.ending import has_succeeded
 from robots import Robot, quaternion
 
 SUPINE = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -np.pi / 2)
@@ -37,10 +37,10 @@ def test_a_rise_ends_in_a_held_stand(op3: Robot, rising: Motion):
     assert not has_succeeded(rising, lie(op3)).any()
 
 
-@pytest.mark.parametrize("side", ["supine", "prone", "left", "right"])
-def test_a_way_down_ends_on_its_side_and_on_no_other(op3: Robot, rising: Motion, side: str):
-    down = replace(rising, end_class=side)
-    assert has_succeeded(down, lie(op3)).tolist() == [side == "supine"] * 2
+def test_a_way_down_ends_on_its_side_and_on_no_other(op3: Robot, rising: Motion):
+    for side in ("supine", "prone", "left"):
+        down = replace(rising, end_class=side)
+        assert has_succeeded(down, lie(op3)).tolist() == [side == "supine"] * 2
 
 
 @pytest.mark.parametrize(("speed", "is_soft"), [(0.29, True), (0.31, False)])
@@ -51,19 +51,3 @@ def test_a_way_down_is_soft_to_the_head(op3: Robot, rising: Motion, speed: float
     outcome = lie(op3, head_touch=touch, head_speed=np.full((2, 200), speed))
     down = replace(rising, end_class="supine")
     assert has_succeeded(down, outcome).tolist() == [True, is_soft]
-
-
-@pytest.mark.parametrize(
-    ("end", "held", "words"),
-    [
-        (STANDING, 4.5, "in a held stand"),
-        ("left", 1.5, "lying left, softly and still"),
-        (NO_END, 0.0, "anywhere"),
-    ],
-)
-def test_an_end_is_held_as_long_as_it_takes_to_judge_it(
-    rising: Motion, end: str, held: float, words: str
-):
-    motion = replace(rising, end_class=end)
-    assert hold_time(motion) == held
-    assert describe_end(motion) == words

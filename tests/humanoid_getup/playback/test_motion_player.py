@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from recording_backend import still_state
 
 from drivers import State
 from humanoid_getup.motions.motion import Motion
@@ -30,17 +31,7 @@ def motion(op3: Robot) -> Motion:
 
 
 def measure(robot: Robot, time: float, joint_pos: np.ndarray) -> State:
-    zeros = np.zeros(robot.n)
-    return State(
-        time=time,
-        joint_pos=joint_pos,
-        joint_vel=zeros,
-        joint_current=zeros,
-        gyro=np.zeros(3),
-        orientation=np.array([1.0, 0.0, 0.0, 0.0]),
-        temperature=zeros + 25.0,
-        voltage=12.0,
-    )
+    return still_state(robot, time=time, joint_pos=joint_pos)
 
 
 def play(player: MotionPlayer, robot: Robot, start: np.ndarray, begin: float) -> np.ndarray:
@@ -63,9 +54,7 @@ def test_from_its_own_start_a_motion_is_sent_as_it_is_and_held(op3: Robot, motio
     assert player.approach_time == 0.0
 
 
-def test_from_elsewhere_the_way_to_the_first_targets_is_slow_and_without_a_jump(
-    op3: Robot, motion: Motion
-):
+def test_from_elsewhere_the_way_to_the_first_targets_is_slow_and_without_a_jump(op3, motion):
     player = MotionPlayer(op3, motion, hold=HOLD)
     start = motion.joint_target[0] + np.linspace(-0.6, 0.3, op3.n)
     sent = play(player, op3, start, begin=0.0)
@@ -76,10 +65,3 @@ def test_from_elsewhere_the_way_to_the_first_targets_is_slow_and_without_a_jump(
     most = (0.6 + 0.02) / 0.6 * APPROACH_SPEED * PERIOD
     assert np.abs(np.diff(way, axis=0)).max() <= most + 1e-12
     np.testing.assert_allclose(sent[-1], motion.joint_target[-1])
-
-
-def test_the_torque_limit_goes_into_every_command(op3: Robot, motion: Motion):
-    player = MotionPlayer(op3, motion, hold=HOLD, torque_limit=2.5)
-    start = measure(op3, 0.0, motion.joint_pos[0])
-    player.reset(start)
-    np.testing.assert_array_equal(player.step(start).torque_limit, np.full(op3.n, 2.5))

@@ -14,13 +14,12 @@ from stored_motions import MOTIONS, OWN, one_of_each_kind
 from drivers import SafetyGuard, Twin
 from drivers.twin.device_models import Windings
 from humanoid_getup.commands.command import load_command
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.playback import preflight_rollout
 from humanoid_getup.playback.estimation import estimate_posture, settle
-from humanoid_getup.playback.preflight import (
-    ReasonKind,
-    Verdict,
-    preflight,
-)
+from humanoid_getup.playback.preflight import ReasonKind, Verdict, preflight
 from humanoid_getup.playback.preflight_rollout import predict_heat
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
@@ -43,8 +42,21 @@ def knee(op3: Robot) -> int:
     return op3.joint_names.index(KNEE)
 
 
-def lie(world: World, motion: Motion) -> Posture:
-    """Measure a twin that lies, limp, where a motion begins."""
+@pytest.fixture(scope="module")
+def rollout(world: World, motion: Motion) -> tuple[Outcome, np.ndarray]:
+    rest = find_rest(world, motion.posture(0))
+    return preflight_rollout._roll_out(world, motion, rest, 12.0, TorqueLimit(None), None)
+
+
+@pytest.fixture
+def no_rollout(monkeypatch: pytest.MonkeyPatch, rollout: object) -> None:
+    """Take one rollout for all, where something else is judged: half a second each."""
+    monkeypatch.setattr(preflight_rollout, "_roll_out", lambda *_: rollout)
+
+
+@pytest.fixture(scope="module")
+def lying(world: World, motion: Motion) -> Posture:
+    """Measure a twin that lies, limp, where the motion begins."""
     twin = Twin(world)
     first = motion.posture(0)
     twin.place(replace(first, position=first.position + np.array([0.0, 0.0, 0.01])))
@@ -65,6 +77,7 @@ def test_every_stored_motion_passes_on_a_3s_battery(world: World, name: str):
     assert verdict.figures.end_temperature.max() < 27.0
 
 
+@pytest.mark.usefixtures("no_rollout")
 @pytest.mark.parametrize(
     ("voltage", "message"),
     [
@@ -72,18 +85,8 @@ def test_every_stored_motion_passes_on_a_3s_battery(world: World, name: str):
         (16.8, "the supply is 16.8 V, expected 10.0 to 14.8 V: use a battery that"),
     ],
 )
-def test_a_supply_that_the_servos_are_not_made_for_is_refused(
-    world: World, motion: Motion, voltage: float, message: str
-):
+def test_a_supply_that_the_servos_are_not_made_for_is_refused(world, motion, voltage, message):
     assert message in refusals(preflight(world, motion, voltage=voltage))[0]
-
-
-def test_a_cap_on_torque_under_which_it_falls_is_refused(world: World, motion: Motion):
-    verdict = preflight(world, motion, voltage=12.0, torque_limit=TorqueLimit(0.5, "pwm"))
-    expected = "rolled out at 12.0 V with 0.5 N·m, it does not end in a held stand"
-    assert f"{expected}: raise --torque-limit" in refusals(verdict)
-    assert not verdict.figures.succeeded
-    assert verdict.figures.peak_torque.max() <= 0.5 + 1e-9
 
 
 def test_a_servo_that_pushes_with_all_it_has_for_long_is_refused(world: World):
@@ -92,15 +95,8 @@ def test_a_servo_that_pushes_with_all_it_has_for_long_is_refused(world: World):
     assert any("hip_roll" in text and "at a time" in text for text in refusals(verdict))
 
 
-def test_pushing_at_a_cap_far_below_stall_is_no_overload(world: World, motion: Motion):
-    verdict = preflight(world, motion, voltage=12.0, torque_limit=TorqueLimit(1.0, "pwm"))
-    assert 0.99 < verdict.figures.torque_use.max() <= 1.0, "rounded down to a count of PWM"
-    assert verdict.figures.saturation.max() < 0.2
-
-
-def test_targets_beyond_a_joint_are_named_with_their_time(
-    world: World, motion: Motion, op3: Robot, knee: int
-):
+@pytest.mark.usefixtures("no_rollout")
+def test_targets_beyond_a_joint_are_named_with_their_time(world, motion, op3, knee):
     target = motion.joint_target.copy()
     target[10, knee] = op3.upper[knee] + 0.2
     message = refusals(preflight(world, replace(motion, joint_target=target), voltage=12.0))
@@ -109,6 +105,7 @@ def test_targets_beyond_a_joint_are_named_with_their_time(
     assert f"outside [{op3.lower[knee]:+.3f}, {op3.upper[knee]:+.3f}] rad" in text
 
 
+@pytest.mark.usefixtures("no_rollout")
 def test_a_servo_that_will_lag_on_this_supply_is_a_warning(world: World):
     verdict = preflight(world, MOTIONS["supine_sit_up_fast"], voltage=11.1)
     assert verdict.passed
@@ -119,45 +116,30 @@ def test_a_servo_that_will_lag_on_this_supply_is_a_warning(world: World):
     assert preflight(world, MOTIONS["supine_sit_up_fast"], voltage=12.0).reasons == ()
 
 
-def test_limbs_that_go_through_each_other_are_refused(world: World, motion: Motion, op3: Robot):
-    crossed = motion.joint_pos.copy()
-    for name in ("l_hip_roll", "r_hip_roll"):
-        side = op3.joint_names.index(name)
-        inward = op3.upper[side] if name.startswith("l") else op3.lower[side]
-        crossed[:, side] = 0.5 * inward
-    verdict = preflight(world, replace(motion, joint_pos=crossed), voltage=12.0)
-    assert verdict.figures.overlap_growth > 0.006
-    assert any("presses" in text and "into itself" in text for text in refusals(verdict))
-
-
-def fold_an_arm(world: World, motion: Motion, *, deeper_than: float) -> Posture:
-    """Measure a robot whose left forearm is folded into its torso, as thick shapes show it."""
-    lying, data = lie(world, motion), mujoco.MjData(world.model)
+@pytest.fixture(scope="module")
+def folded(world: World, lying: Posture) -> Posture:
+    """Fold the left forearm 8 mm into the torso, as thick shapes show it."""
+    data = mujoco.MjData(world.model)
     roll = world.robot.joint_names.index("l_sho_roll")
     for angle in np.arange(lying.joint_pos[roll], world.robot.lower[roll], -0.01):
-        folded = lying.joint_pos.copy()
-        folded[roll] = angle
-        posture = replace(lying, joint_pos=folded)
-        if (
-            overlaps_at(world.model, place(world.robot, world.model, posture), data).max()
-            > deeper_than
-        ):
+        joint_pos = lying.joint_pos.copy()
+        joint_pos[roll] = angle
+        posture = replace(lying, joint_pos=joint_pos)
+        qpos = place(world.robot, world.model, posture)
+        if overlaps_at(world.model, qpos, data).max() > 0.008:
             return posture
     raise AssertionError("the arm does not reach the torso")
 
 
-def test_a_robot_that_lies_in_an_overlap_may_leave_it(world: World, motion: Motion):
-    folded = fold_an_arm(world, motion, deeper_than=0.008)
+def test_a_robot_that_lies_in_an_overlap_may_leave_it(world, motion, folded):
     verdict = preflight(world, motion, voltage=12.0, start=folded)
     assert 0.008 < verdict.figures.start_overlap < 0.014
     assert verdict.figures.overlap_growth < 0.002
     assert verdict.passed, str(verdict)
 
 
-def test_an_overlap_of_other_links_is_not_excused_by_how_it_lies(
-    world: World, motion: Motion, op3: Robot
-):
-    folded = fold_an_arm(world, motion, deeper_than=0.008)
+@pytest.mark.usefixtures("no_rollout")
+def test_an_overlap_of_other_links_is_not_excused_by_how_it_lies(world, motion, op3, folded):
     crossed = motion.joint_pos.copy()
     left, right = (op3.joint_names.index(f"{side}_hip_roll") for side in "lr")
     crossed[:, left], crossed[:, right] = 0.5 * op3.upper[left], 0.5 * op3.lower[right]
@@ -165,10 +147,8 @@ def test_an_overlap_of_other_links_is_not_excused_by_how_it_lies(
     assert any("into itself, beyond how it lies" in text for text in refusals(verdict))
 
 
-def test_a_measured_posture_that_no_robot_can_have_is_refused(
-    world: World, motion: Motion, op3: Robot
-):
-    lying = lie(world, motion)
+@pytest.mark.usefixtures("no_rollout")
+def test_a_measured_posture_that_no_robot_can_have_is_refused(world, motion, op3, lying):
     crossed = lying.joint_pos.copy()
     left, right = (op3.joint_names.index(f"{side}_hip_roll") for side in "lr")
     crossed[left], crossed[right] = op3.upper[left], op3.lower[right]
@@ -178,6 +158,7 @@ def test_a_measured_posture_that_no_robot_can_have_is_refused(
     assert any("inside itself, expected at most 25 mm: check the zeros" in text for text in message)
 
 
+@pytest.mark.usefixtures("no_rollout")
 def test_a_hot_servo_is_refused_by_name(world: World, motion: Motion, op3: Robot, knee: int):
     heat = np.full(op3.n, 30.0)
     heat[knee] = 78.0
@@ -204,8 +185,8 @@ def test_heat_adds_up_as_one_rise_after_another_would(op3: Robot):
     assert counted == rises > 1
 
 
-def test_the_robot_must_lie_as_the_motion_begins(world: World, motion: Motion):
-    lying = lie(world, motion)
+@pytest.mark.usefixtures("no_rollout")
+def test_the_robot_must_lie_as_the_motion_begins(world: World, motion: Motion, lying: Posture):
     verdict = preflight(world, motion, voltage=12.0, start=lying)
     assert verdict.passed, str(verdict)
     assert not any("lies" in reason.text for reason in verdict.reasons)
@@ -215,9 +196,7 @@ def test_the_robot_must_lie_as_the_motion_begins(world: World, motion: Motion):
     assert "° from where the motion begins, expected at most 45°" in message
 
 
-def test_all_that_is_wrong_is_reported_at_once_refusals_first(
-    world: World, motion: Motion, op3: Robot, knee: int
-):
+def test_all_that_is_wrong_is_reported_at_once_refusals_first(world, motion, op3, knee):
     target = motion.joint_target.copy()
     target[10, knee] = op3.upper[knee] + 0.02
     spoiled = replace(motion, joint_target=target)
@@ -226,8 +205,12 @@ def test_all_that_is_wrong_is_reported_at_once_refusals_first(
         world, spoiled, voltage=9.5, torque_limit=TorqueLimit(0.4, "pwm"), temperature=heat
     )
     message = "; ".join(refusals(verdict))
-    for part in ("the supply is 9.5 V", f"'{KNEE}': target", "held stand", "has 80 °C"):
+    falls = (
+        "rolled out at 9.5 V with 0.4 N·m, it does not end in a held stand: raise --torque-limit"
+    )
+    for part in ("the supply is 9.5 V", f"'{KNEE}': target", falls, "has 80 °C"):
         assert part in message
+    assert verdict.figures.peak_torque.max() <= 0.4 + 1e-9
     kinds = [reason.kind for reason in verdict.reasons]
     assert kinds == sorted(kinds, key=lambda s: s is ReasonKind.WARN)
 
@@ -248,6 +231,7 @@ def test_what_is_no_measurement_is_bad_input(
         preflight(world, motion, **options)
 
 
+@pytest.mark.usefixtures("no_rollout")
 def test_the_command_passes_refuses_and_writes_its_figures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], op3: Robot
 ):

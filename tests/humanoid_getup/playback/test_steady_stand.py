@@ -5,7 +5,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.playback.play import STEADY_SPEED, STEADY_TIME, SteadyStand
@@ -15,8 +14,6 @@ PERIOD = 0.01
 
 @dataclass
 class Robot:
-    """A robot whose stand and speed are what a test says."""
-
     upright: bool = True
     data: Any = field(default_factory=lambda: SimpleNamespace(qvel=np.zeros(6)))
     period: float = PERIOD
@@ -34,10 +31,9 @@ def test_a_slow_robot_stands_steadily_after_a_while_and_not_before():
     assert watch(Robot(), STEADY_TIME + PERIOD).is_reached
 
 
-@pytest.mark.parametrize("speed", [2.0 * STEADY_SPEED, -2.0 * STEADY_SPEED])
-def test_a_robot_that_sways_has_to_stand_for_as_long_as_a_held_stand(speed):
+def test_a_robot_that_sways_has_to_stand_for_as_long_as_a_held_stand():
     robot = Robot()
-    robot.data.qvel[3] = speed
+    robot.data.qvel[3] = -2.0 * STEADY_SPEED
     assert not watch(robot, HOLD_TIME).is_reached
     assert watch(robot, HOLD_TIME + PERIOD).is_reached
 

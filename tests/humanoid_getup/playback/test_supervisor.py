@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stored_motions import MOTIONS, OWN, one_of_each_kind
+from recording_backend import still_state
+from stored_motions import MOTIONS
 
 from drivers import SafetyGuard, State, Twin
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
@@ -19,13 +20,11 @@ from robots import Robot, quaternion
 from robots.kinematics import read_posture
 
 PERIOD = 0.008
-RISES = [name for name in OWN if MOTIONS[name].rises]
 KNEE = 13  # l_knee
 
 
 @pytest.fixture
 def standing(op3: Robot) -> Motion:
-    """Ten seconds of standing."""
     return Motion(
         name="stand",
         robot="op3",
@@ -41,18 +40,7 @@ def standing(op3: Robot) -> Motion:
 
 @pytest.fixture
 def still(op3: Robot) -> State:
-    """A robot that stands as it should."""
-    n = op3.n
-    return State(
-        time=0.0,
-        joint_pos=op3.standing.joint_pos,
-        joint_vel=np.zeros(n),
-        joint_current=np.zeros(n),
-        gyro=np.zeros(3),
-        orientation=quaternion.IDENTITY,
-        temperature=np.full(n, 30.0),
-        voltage=12.0,
-    )
+    return still_state(op3, joint_pos=op3.standing.joint_pos)
 
 
 def leaning(degrees: float) -> np.ndarray:
@@ -92,18 +80,9 @@ def test_a_torso_that_is_turned_wrong_for_too_long_ends_it_limp(world, standing,
     supervisor = begin(world, standing, still)
     turned = replace(still, orientation=leaning(70.0))
     assert watch(supervisor, turned, 5.0) == pytest.approx(1.0, abs=0.02)
-    assert supervisor.aborted is not None
     assert supervisor.aborted.kind is AbortKind.TILT
     assert str(supervisor.aborted).endswith("70° off, expected at most 60° for 1 s")
     assert supervisor.step(replace(turned, time=1.1)).is_limp
-
-
-def test_a_torso_that_is_turned_wrong_for_a_moment_is_borne(world, standing, still):
-    supervisor = begin(world, standing, still)
-    for k in range(8):
-        watch(supervisor, replace(still, orientation=leaning(70.0)), 0.4, begin=0.6 * k)
-        watch(supervisor, still, 0.2, begin=0.6 * k + 0.4)
-    assert supervisor.aborted is None
 
 
 def test_a_robot_that_was_up_is_let_go_as_soon_as_it_tips(world, standing, still):
@@ -111,7 +90,6 @@ def test_a_robot_that_was_up_is_let_go_as_soon_as_it_tips(world, standing, still
     watch(supervisor, still, 1.0)
     tipping = replace(still, orientation=leaning(45.0))
     assert watch(supervisor, tipping, 1.0, begin=1.0) <= 0.05
-    assert supervisor.aborted is not None
     assert supervisor.aborted.kind is AbortKind.FELL
     assert "tilt 45°" in supervisor.aborted.detail
 
@@ -121,17 +99,6 @@ def test_a_robot_that_is_up_is_not_let_go_for_a_joint_that_hangs_back(world, sta
     wide = replace(still, joint_pos=with_knee(still.joint_pos, 0.3))
     assert watch(supervisor, wide, 5.0) == 5.0
     assert supervisor.aborted is None
-
-
-def test_a_joint_that_is_on_its_way_is_not_stuck(world, standing, still):
-    supervisor = begin(world, standing, still)
-    watch(supervisor, still, 0.5)
-    moving = replace(
-        still,
-        joint_pos=with_knee(still.joint_pos, 0.3),
-        joint_vel=with_knee(still.joint_vel, 0.5),
-    )
-    assert watch(supervisor, moving, 5.0, begin=0.5) == 5.0
 
 
 def test_a_target_beyond_the_joint_is_how_a_servo_pushes(world, standing, still):
@@ -147,7 +114,6 @@ def test_an_unproven_path_is_not_held_against_the_robot(world, standing, still):
 
 
 def play_supervised(twin: Twin, world: World, motion: Motion, push=None) -> tuple[Supervisor, bool]:
-    """Play a motion under supervision; tell whether it ended standing."""
     supervisor, judge = supervise_motion(world, motion), GroundTruthJudge(twin.simulation, None)
     torso = twin.robot.layout(twin.model).torso
 
@@ -168,7 +134,7 @@ def place_at_start(world: World, motion: Motion) -> Twin:
     return twin
 
 
-@pytest.mark.parametrize("name", one_of_each_kind(RISES))
+@pytest.mark.parametrize("name", ["squat_to_stand", "prone_push_up_fast"])
 def test_a_stored_motion_is_let_stand_up(name: str, world: World):
     motion = MOTIONS[name]
     supervisor, stood = play_supervised(place_at_start(world, motion), world, motion)
@@ -181,16 +147,6 @@ def test_a_robot_that_is_pushed_over_goes_limp_before_it_lands(world: World):
     twin = place_at_start(world, motion)
     supervisor, stood = play_supervised(twin, world, motion, push=(2.5, 40.0))
     assert not stood
-    assert supervisor.aborted is not None
     assert supervisor.aborted.kind is AbortKind.FELL
     tilt = quaternion.tilt(twin.truth.posture.orientation)
     assert np.degrees(tilt) < 60.0  # the run ended while it tips
-
-
-def test_a_motion_for_another_fall_is_given_up(world: World):
-    twin = place_at_start(world, MOTIONS["prone_push_up_fast"])
-    supervisor, stood = play_supervised(twin, world, MOTIONS["supine_sit_up_fast"])
-    assert not stood
-    assert supervisor.aborted is not None
-    assert supervisor.aborted.kind is AbortKind.TILT
-    assert supervisor.aborted.time < 1.1

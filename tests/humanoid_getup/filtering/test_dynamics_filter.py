@@ -54,18 +54,7 @@ def test_targets_obey_the_guards_rules(world, fall, rollouts):
         assert np.all(one.target <= robot.upper)
 
 
-def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(world, fall, rollouts):
-    starts = place(world.robot, world.model, fall)[None]
-    for one in nonempty(rollouts[2][:2]):
-        trace = play(
-            world,
-            Scenarios(starts=starts, parameters=DomainParameters.nominal(world, 1)),
-            one.target[None],
-        )
-        np.testing.assert_array_equal(trace.qpos[0], one.qpos)
-
-
-@pytest.mark.parametrize("by", ["pwm", "current"])
+@pytest.mark.parametrize("by", ["pwm"])
 def test_rollouts_and_checks_run_under_the_torque_limit_as_it_acts(world, fall, database, by):
     """A limited PWM leaves less torque to a servo that turns: the robot goes another way."""
     limited = DynamicsFilter(world, torque_limit=TorqueLimit(2.0, by))
@@ -91,16 +80,11 @@ def test_without_assistance_the_targets_are_the_reference_within_the_servos_limi
     world, fall, rollouts
 ):
     _, candidates, results = rollouts
+    assert 0.001 < np.abs(results[0].target - results[1].target).max() < 0.8
     c = candidates[1]
     reference = compose(world, c.path, c.connection.motion, c.connection.frame)
     expected = world.robot.limit_targets(reference.target, fall.joint_pos)
     np.testing.assert_allclose(results[1].target[: len(expected)], expected)
-
-
-def test_assistance_changes_the_targets_and_only_a_little(rollouts):
-    results = rollouts[2]
-    difference = np.abs(results[0].target - results[1].target)
-    assert 0.001 < difference.max() < 0.8
 
 
 def test_targets_stand_still_from_the_end_of_the_reference_on(world, rollouts):
@@ -113,19 +97,9 @@ def test_targets_stand_still_from_the_end_of_the_reference_on(world, rollouts):
         assert one.peak_neck < 1.1 * world.robot.standing_neck_height
 
 
-def test_an_earlier_try_is_sent_first_and_unassisted(fall, rollouts):
-    dynamics_filter, candidates, results = rollouts
-    before = np.tile(fall.joint_pos, (20, 1))
-    (one,) = dynamics_filter.roll_out(fall, [replace(candidates[0], before=before)])
-    np.testing.assert_array_equal(one.target[:20], before)
-    assert one.moving == results[0].moving + 20
-    assert np.abs(one.target[20] - fall.joint_pos).max() > 0.0
-
-
 @pytest.mark.parametrize(
-    ("falls", "share"), [((), 1.0), ((3, 7, 15), 13 / 16), ((0,), 0.0), (range(16), 0.0)]
+    ("falls", "share", "by"), [((3, 7, 15), 13 / 16, "current"), ((0,), 0.0, "pwm")]
 )
-@pytest.mark.parametrize("by", ["pwm", "current"])
 def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
     world, fall, monkeypatch, falls, share, by
 ):
@@ -155,7 +129,6 @@ def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
 @pytest.mark.parametrize(
     ("least", "falls", "share", "played"),
     [
-        (0.5, (), 1.0, [4, 12]),
         (0.5, (1, 2, 3, 4, 5, 6, 7, 8), 0.5, [4, 12]),
         (0.5, (1, 2, 3, 4, 5, 6, 7, 8, 9), 0.0, [4, 12]),
         (0.9, (1, 2), 0.0, [4]),
@@ -228,28 +201,6 @@ def test_at_half_speed_every_second_target_is_in_the_middle_of_two(world, fall, 
     for found, expected in ((slow[::2], quick), (slow[1:-1:2], between)):
         is_same = np.isclose(found, expected, atol=1e-9).all(axis=1)
         assert is_same.mean() > 0.95  # elsewhere joints cannot follow a step at full speed
-
-
-def test_a_slowdown_leaves_a_motion_alone_that_its_servos_follow(world, fall, database):
-    candidate = _candidates(world, fall, database)[0]
-    endless = Slowdown(tolerance=10.0, band=0.1, slowest=0.1)
-    one, other = DynamicsFilter(world).roll_out(
-        fall, [candidate, replace(candidate, slowdown=endless)]
-    )
-    np.testing.assert_array_equal(one.target, other.target)
-    assert one.moving == other.moving
-
-
-def test_a_motion_waits_for_some_multiple_of_its_duration_at_most(fall, database, world):
-    candidate = _candidates(world, fall, database)[0]
-    stuck = Slowdown(tolerance=0.0, band=1e-3, slowest=1e-3)
-    plain, slowed = DynamicsFilter(world).roll_out(
-        fall, [candidate, replace(candidate, slowdown=stuck)]
-    )
-    assert slowed.moving == pytest.approx(LONGEST_STRETCH * plain.moving, abs=1.0)
-    hold = slowed.target[slowed.moving + 10 :]  # the virtual actuator has let go by then
-    assert np.ptp(hold, axis=0).max() < 1e-12
-    assert not slowed.stood
 
 
 def test_a_searched_rise_is_checked_in_fresh_worlds_and_searched_on_where_it_falls(

@@ -1,15 +1,11 @@
 """Soles turn with the ground under them and come to its height; nothing else moves much."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.filtering.candidate import compose, straight_path
 from humanoid_getup.filtering.ground_fit import GroundFit
-from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import place_postures
@@ -41,7 +37,7 @@ def soles(world: World, position: Array, orientation: Array, joint_pos: Array):
     return np.array(normals), np.array(places)
 
 
-@pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0])
+@pytest.mark.parametrize("degrees", [5.0, 15.0])
 def test_the_soles_of_an_upright_robot_turn_with_the_slope(op3: Robot, degrees: float):
     world = World(op3, f"slope:{degrees:g}")
     # One posture for each call: a motion is fitted at every few frames only.
@@ -58,7 +54,7 @@ def test_the_soles_of_an_upright_robot_turn_with_the_slope(op3: Robot, degrees: 
         assert np.linalg.norm((to - at)[..., :2], axis=-1).max() < 0.01
 
 
-@pytest.mark.parametrize("scene", ["slope:5", "slope:15", "rough:medium"])
+@pytest.mark.parametrize("scene", ["slope:15", "rough:medium"])
 def test_both_soles_are_as_high_over_their_ground_as_on_level_ground(op3: Robot, scene: str):
     world, apart, level, off = World(op3, scene), [], [], []
     for heading in HEADINGS:
@@ -79,21 +75,6 @@ def test_both_soles_are_as_high_over_their_ground_as_on_level_ground(op3: Robot,
     assert max(level) > 0.008
     assert max(apart) < 0.15 * max(level)
     assert np.abs(off).max() < 0.0005  # m
-
-
-def test_legs_fit_the_ground_where_an_earlier_rollout_came(op3: Robot):
-    world = World(op3, "slope:10")
-    motion = next(m for m in load_database(op3).motions if m.name == "supine_sit_up_gentle")
-    path = straight_path(motion.posture(0), motion.posture(0), 3.0, op3.control_period)
-    turned = quaternion.multiply(quaternion.from_yaw(np.pi / 2), motion.orientation)
-    seen = np.concatenate([motion.position, turned], axis=1)
-    there = compose(world, path, motion, 0, seen=seen)
-    here = compose(world, path, motion, 0, seen=None)
-    begun = replace(motion, orientation=turned)
-    turned_path = straight_path(begun.posture(0), begun.posture(0), 3.0, op3.control_period)
-    expected = compose(world, turned_path, begun, 0)
-    np.testing.assert_allclose(there.target[-1], expected.target[-1], atol=1e-6)
-    assert np.abs(there.target[-1] - here.target[-1]).max() > 0.05
 
 
 def test_level_ground_and_soles_in_the_air_need_nothing(op3: Robot):

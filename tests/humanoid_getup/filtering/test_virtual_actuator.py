@@ -74,12 +74,6 @@ def test_limbs_in_the_air_get_no_torque(world):
     assert np.abs(torque).max() > 0.1
 
 
-def test_without_touch_there_is_no_torque_at_all(world):
-    seen = _observe(world, world.robot.standing.joint_pos, [])
-    torque = compute_torque(seen, np.array([[5.0, 5.0, 30.0]]), LimbMap.of(world))
-    assert np.all(torque == 0.0)
-
-
 def test_two_legs_share_a_force_evenly(world):
     robot = world.robot
     seen = _observe(world, robot.standing.joint_pos, ["l_hip_yaw_link", "r_hip_yaw_link"])

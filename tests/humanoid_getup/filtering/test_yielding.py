@@ -1,7 +1,5 @@
 """Servos that press in vain yield, before their overload protection trips."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

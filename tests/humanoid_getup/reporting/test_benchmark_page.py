@@ -1,12 +1,9 @@
 """The page of a benchmark: what was not measured comes first, and tables stay tables."""
 
-import math
-
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from humanoid_getup.benchmarks.motions import MotionSummary
 from humanoid_getup.benchmarks.whole import CapSummary, Pictures, WholeBench, describe_conditions
 from humanoid_getup.experiments.judging.summary import SummarizedRise
 from humanoid_getup.reporting import benchmark_page
@@ -44,45 +41,6 @@ def test_a_page_without_results_says_why_and_how_to_repeat_it(world: World):
     assert "getup bench all --robot op3 --seed 7" in lines
     assert "## Results" not in lines
     assert "## Pictures" not in lines
-
-
-def test_the_conditions_are_those_of_the_robot(world: World):
-    page = write_page(make_result(world))
-    for row in (
-        "| servos | 20 × XM430-W350; 20 joints |",
-        "| stall torque of the strongest | 4.10 N·m |",
-        "| torque caps act on | pwm |",
-        "| control period | 8 ms |",
-        "| seed | 7 |",
-    ):
-        assert row in page.splitlines()
-
-
-def test_a_bar_in_a_name_is_no_column_and_what_is_not_known_is_a_dash(world: World):
-    motion = MotionSummary(
-        start_class="prone",
-        end_class="stand",
-        strategy="push up",
-        succeeded=False,
-        stand_time_s=None,
-        head_impact_m_s=0.0,
-        torso_impact_m_s=0.0,
-        peak_torque_nm=1.5,
-        rms_torque_nm=math.nan,
-        peak_velocity_rad_s=1.0,
-        self_collisions=0,
-        limit_violations=0,
-        clips=0,
-        lowest_torque_limit_nm=None,
-        disturbed_n=4,
-        disturbed_succeeded=3,
-        disturbed_interval_95=(0.3, 0.95),
-    )
-    page = write_page(make_result(world, motions={"a|b": motion}))
-    (row,) = (line for line in page.splitlines() if line.startswith("| a"))
-    assert row == (
-        "| a\\|b | prone to stand | no | – | 1.50 | – | 0.00 | – | 3 of 4 (30% to 95%) |"
-    )
 
 
 def case(method: str, cap: str, stood: int, median: float | None) -> CapSummary:

@@ -19,7 +19,6 @@ from robots.kinematics import place
 
 @pytest.fixture(scope="module")
 def empty(world: World) -> mujoco.MjModel:
-    """The scene with an invisible robot."""
     model = copy.copy(world.model)
     robot_geoms = model.body_rootid[model.geom_bodyid] != 0
     model.geom_rgba[robot_geoms, 3] = 0.0
@@ -41,11 +40,8 @@ def lie(robot: Robot) -> Posture:
     )
 
 
-@pytest.mark.parametrize("is_lying", [False, True])
-def test_the_robot_fills_the_picture_and_is_not_cut_off(
-    op3: Robot, world: World, empty: mujoco.MjModel, is_lying: bool
-):
-    posture = lie(op3) if is_lying else op3.standing
+def test_the_robot_fills_the_picture_and_is_not_cut_off(op3, world, empty):
+    posture = lie(op3)
     with_robot, without = (render(op3, model, posture) for model in (world.model, empty))
     seen = np.abs(with_robot.astype(int) - without).max(axis=2) > 60
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
@@ -56,17 +52,8 @@ def test_the_robot_fills_the_picture_and_is_not_cut_off(
     assert extent > 0.6 * size
 
 
-def test_left_and_right_limbs_have_colors_of_their_own(op3: Robot, world: World):
-    picture = render(op3, world.model, op3.standing).astype(int)
-    red, _, blue = np.moveaxis(picture, 2, 0)
-    assert (red - blue > 80).sum() > 500  # left: orange
-    assert (blue - red > 60).sum() > 500  # right: blue
-
-
-@pytest.mark.parametrize(("count", "rows"), [(4, 1), (6, 1), (12, 2)])
-def test_a_strip_is_one_file_of_rows_of_six(
-    tmp_path: Path, count: int, rows: int, monkeypatch: pytest.MonkeyPatch
-):
+@pytest.mark.parametrize(("count", "rows"), [(4, 1), (12, 2)])
+def test_a_strip_is_one_file_of_rows_of_six(tmp_path, count, rows, monkeypatch):
     monkeypatch.setattr(film_strip, "save_figure", save_figure)  # no draft
     pictures = np.full((count, 20, 20, 3), 200, dtype=np.uint8)
     film_strip.save_strip(
@@ -78,9 +65,7 @@ def test_a_strip_is_one_file_of_rows_of_six(
     assert height == pytest.approx(rows * 300 + 68, abs=1)  # 68 pixels for the title
 
 
-def test_without_gl_the_answer_is_an_error_that_says_so(
-    op3: Robot, world: World, monkeypatch: pytest.MonkeyPatch
-):
+def test_without_gl_the_answer_is_an_error_that_says_so(op3, world, monkeypatch):
     class NoGl:
         def __init__(self, *_args: object, **_options: object) -> None:
             raise RuntimeError("cannot open\na display")

@@ -7,42 +7,17 @@ import pytest
 
 from humanoid_getup.experiments.judging.torque import split_torque
 from humanoid_getup.reporting import plots
-from humanoid_getup.reporting.plots import save_difference, save_torque
-from humanoid_getup.reporting.replay import ReplayReport
+from humanoid_getup.reporting.plots import save_torque
 from robots import Robot
 
 T = 50
-NAMES = tuple(f"joint_{k}" for k in range(10))
 
 
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> list:
-    """Collect figures that would be saved."""
     saved: list = []
     monkeypatch.setattr(plots, "save_figure", lambda figure, _path: saved.append(figure))
     return saved
-
-
-def make_report(difference: np.ndarray) -> ReplayReport:
-    return ReplayReport(
-        robot="robot",
-        joint_names=NAMES,
-        time=np.arange(T) * 0.01,
-        difference=difference,
-        tilt_difference=np.zeros(T),
-        threshold=0.05,
-        twin_qpos=np.zeros((T, 7)),
-    )
-
-
-def test_a_divergence_is_marked_at_its_time(figures: list, tmp_path):
-    difference = np.zeros((T, len(NAMES)))
-    difference[30:, 4] = 0.2
-    save_difference(make_report(difference), tmp_path / "plot.png")
-    marked = [line for line in figures[0].axes[1].get_lines() if line.get_color() == "tab:red"]
-    assert [float(line.get_xdata()[0]) for line in marked] == pytest.approx([0.3])
-    save_difference(make_report(np.zeros((T, len(NAMES)))), tmp_path / "plot.png")
-    assert all(line.get_color() != "tab:red" for line in figures[1].axes[1].get_lines())
 
 
 def test_driving_and_braking_torque_are_apart(figures: list, tmp_path, tiny: Robot):

@@ -14,7 +14,6 @@ from robots.storage.encoding import to_plain
 
 
 def spoiled(record: FlightRecord, name: str, change) -> FlightRecord:
-    """Change one column of what was measured."""
     state = record.tracks["state"]
     columns = {**state.columns, name: change(state[name].copy())}
     return replace(record, tracks={**record.tracks, "state": replace(state, columns=columns)})
@@ -43,7 +42,6 @@ def test_another_supply_makes_another_flight_and_tells_when(tmp_path, tiny):
     report = replay(record, twin_of(tiny, None, "pwm"), tiny.standing, threshold=0.01)
     assert not report.is_exact
     first = report.divergence
-    assert first is not None
     values = np.column_stack([report.difference, report.tilt_difference])
     row = int(np.argmax(np.abs(values).max(axis=1) > 0.01))
     assert first.time == report.time[row] > 0.0
@@ -66,7 +64,6 @@ def test_differences_are_worked_out_by_joint(tiny):
     # sqrt(0.04 / 3 measured), sqrt((0.09 + 0.16) / 4)
     np.testing.assert_allclose(report.rms, [0.2 / np.sqrt(3.0), 0.25])
     np.testing.assert_allclose(report.maximum, [0.2, 0.4])
-    assert report.divergence is not None
     assert (report.divergence.time, report.divergence.difference) == (0.1, 0.3)
     figures = report.figures()
     assert (figures.max_joint, figures.tilt_rms_rad) == (tiny.joint_names[1], 0.1)
@@ -83,7 +80,6 @@ def test_a_torso_that_leans_differs_in_tilt_alone_and_its_heading_is_free(swing,
 
     leaning = replay(turn([1.0, 0.0, 0.0]), twin_of(tiny), tiny.standing)
     assert leaning.maximum.max() == 0.0
-    assert leaning.divergence is not None
     assert (leaning.divergence.time, leaning.divergence.part) == (0.0, "torso's tilt")
     np.testing.assert_allclose(leaning.tilt_difference, 0.2, atol=1e-9)
     turned = replay(turn([0.0, 0.0, 1.0]), twin_of(tiny), tiny.standing)
@@ -110,7 +106,6 @@ def test_cycles_that_are_missing_are_bridged_by_the_last_command(swing, tiny):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda time: time[::-1], "-0.008 s pass after cycle 0, expected 0 to 5 s"),
         (lambda time: time + 60.0 * (time > 0.5), r"60\.008 s pass after cycle 62"),
         (lambda time: np.where(time > 0.5, np.nan, time), "nan s pass after cycle 62"),
     ],

@@ -1,13 +1,10 @@
 """The report: every key in every report, figures that any JSON reader takes."""
 
 import io
-import json
-import math
 import re
 from dataclasses import fields
 from pathlib import Path
 
-import numpy as np
 from msgspec import UNSET
 from rich.console import Console
 
@@ -21,7 +18,7 @@ from humanoid_getup.reporting.report import (
 )
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from robots import load_robot
-from robots.storage.encoding import to_json, to_plain
+from robots.storage.encoding import to_plain
 
 HEAD = ReportHead(
     robot="op3",
@@ -71,9 +68,3 @@ def test_a_summary_gives_the_reason_when_there_is_no_stand():
     assert lines[0] == "did not stand: no path to any connecting posture"
     assert lines[1].split() == ["start", "prone,", "seed", "4"]
     assert len(lines) == 2
-
-
-def test_json_takes_arrays_and_turns_what_is_no_number_into_null():
-    text = to_json({"a": np.float64(1.5), "b": math.nan, "c": [np.int64(2), math.inf], "d": (1,)})
-    assert json.loads(text) == {"a": 1.5, "b": None, "c": [2, None], "d": [1]}
-    assert json.loads(to_json({"v": np.array([0.5, np.nan])})) == {"v": [0.5, None]}

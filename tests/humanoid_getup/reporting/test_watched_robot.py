@@ -21,9 +21,7 @@ TURNS = st.floats(-3.0, 3.0)
 
 @given(lean=LEANS, heading=TURNS, mounted=TURNS)
 @pytest.mark.parametrize(("axis", "name"), [(X, "roll_rad"), (Y, "pitch_rad")])
-def test_a_lean_about_one_axis_is_found_alone(
-    tiny: Robot, axis: np.ndarray, name: str, lean: float, heading: float, mounted: float
-):
+def test_a_lean_about_one_axis_is_found_alone(tiny, axis, name, lean, heading, mounted):
     leaning = quaternion.from_axis_angle(axis, lean)
     torso = quaternion.multiply(quaternion.from_yaw(heading), leaning)
     mounting = quaternion.from_axis_angle(np.array([0.6, 0.0, 0.8]), mounted)
@@ -31,7 +29,6 @@ def test_a_lean_about_one_axis_is_found_alone(
     measured = quaternion.multiply(torso, mounting)
     state = still_state(tiny, orientation=measured, gyro=gyro)
     found = TorsoFigures.of(state, mounting)
-    assert found is not None
     expected = {"roll_rad": 0.0, "pitch_rad": 0.0} | {name: lean}
     assert found.roll_rad == pytest.approx(expected["roll_rad"], abs=1e-6)
     assert found.pitch_rad == pytest.approx(expected["pitch_rad"], abs=1e-6)
@@ -60,7 +57,6 @@ def test_what_is_silent_latched_or_beyond_its_range_is_remarked(tiny: Robot):
     watched = WatchedRobot(World(tiny))
     watched.show(Cycle(state=state, asked=limp, sent=limp, clips=clips, timing=timing))
     figures = watched.look()
-    assert figures is not None
     left, right = figures.joints.values()
     assert left.remarks == ("overload", "15° beyond its range")
     assert right.remarks == ("silent for 1.2 s",)

@@ -25,22 +25,11 @@ def crouch(op3: Robot, share: float, torque: float = 0.0, **angles: float) -> Sq
     return Squat(joint_pos=joint_pos, neck_share=share, torque=np.full(op3.n, torque))
 
 
-@pytest.mark.parametrize(
-    ("share", "level"), [(0.7, "ok"), (0.752, "ok"), (0.758, "warning"), (0.8, "warning")]
-)
+@pytest.mark.parametrize(("share", "level"), [(0.752, "ok"), (0.758, "warning")])
 def test_the_deepest_squat_decides(limbs: Limbs, op3: Robot, share: float, level: str):
     found = check_depth(limbs, [crouch(op3, 0.9), crouch(op3, share)])
     assert found.level == level
     assert found.text.startswith(f"crouches in balance down to {share:.0%} of its neck height")
-
-
-def test_joints_of_legs_that_stop_a_squat_are_named(limbs: Limbs, op3: Robot):
-    ends = {
-        "l_knee": float(op3.upper[op3.joint_names.index("l_knee")]),
-        "l_el": float(op3.upper[op3.joint_names.index("l_el")]),
-    }
-    found = check_depth(limbs, [crouch(op3, 0.8, **ends)])
-    assert found.text.endswith("; at the end of their ranges: l_knee")
 
 
 @pytest.mark.parametrize(
@@ -50,9 +39,7 @@ def test_joints_of_legs_that_stop_a_squat_are_named(limbs: Limbs, op3: Robot):
         ([], "expected at most 75%", "its balance may"),
     ],
 )
-def test_shapes_that_stop_a_squat_are_named(
-    limbs: Limbs, op3: Robot, monkeypatch: pytest.MonkeyPatch, touching, text, remedy
-):
+def test_shapes_that_stop_a_squat_are_named(limbs, op3, monkeypatch, touching, text, remedy):
     monkeypatch.setattr(ability_check, "find_touching", lambda *_: touching)
     found = check_depth(limbs, [crouch(op3, 0.8)])
     assert found.text.endswith(text)
@@ -63,7 +50,6 @@ def test_shapes_that_stop_a_squat_are_named(
     ("stance", "squat", "share", "level"),
     [
         (1.0, 2.0, 0.5, "ok"),  # N·m of 4.1: below a half
-        (1.0, 3.0, 0.5, "warning"),
         (1.0, 5.0, 0.5, "warning"),  # deeper than a rise needs
         (1.0, 5.0, 0.8, "fault"),
         (5.0, 0.0, 0.8, "fault"),
@@ -96,11 +82,3 @@ def test_arms_that_are_strong_enough_are_described(limbs: Limbs):
     upper, lower = limbs.measure_parts(limbs.all["left_arm"])
     # Half of the weight on two hands, at the end of straight arms.
     assert f"need {2.5 * (upper + lower):.2f} N·m" in push.text
-
-
-def test_a_robot_without_arms_rises_by_its_legs(limbs: Limbs):
-    legs = {name: limb for name, limb in limbs.all.items() if "leg" in name}
-    bare = Limbs(limbs.robot)
-    bare.all = legs
-    (found,) = check_arms(bare, 10.0, 0.7)
-    assert found.text.startswith("there are none that bend")

@@ -29,13 +29,6 @@ def test_a_robot_lighter_than_its_servos_is_named(tmp_path: Path):
     assert found.text == "weighs 0.58 kg, less than its 8 servos, 0.66 kg"
 
 
-def test_a_model_in_other_units_is_named(tmp_path: Path):
-    heavy = (LEGS + ARMS).replace('mass="0.1"', 'mass="100"')
-    (found, *_) = check_body(Limbs(make_robot(tmp_path, heavy)))
-    assert found.subject == "body"
-    assert "check the units" in found.remedy
-
-
 @pytest.mark.parametrize(("name", "level"), [("l_arm", "ok"), ("l_knee", "warning")])
 def test_a_full_turn_is_named_and_of_a_leg_warned(limbs: Limbs, name: str, level: str):
     assert not [*check_turns(limbs)]

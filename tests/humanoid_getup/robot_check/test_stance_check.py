@@ -1,7 +1,6 @@
 """The check of a stance: soles and overlaps, on robots small enough to print."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +34,6 @@ SOLE = '<site name="l_sole" pos="0 0 -0.1"/>'
     ("new", "message"),
     [
         (SOLE.replace("-0.1", "-0.09"), "warning: site 'l_sole': is 10 mm above the lowest point"),
-        (SOLE.replace("-0.1", "-0.12"), "warning: site 'l_sole': is 20 mm below the lowest point"),
         (SOLE.replace("/>", ' euler="10 0 0"/>'), "fault: site 'l_sole': is tilted by 10° against"),
     ],
 )
@@ -73,19 +71,12 @@ def test_an_arm_in_the_torso_is_named(tmp_path: Path):
     assert "arm_link reaches" in found[0] or "into arm_link" in found[0]
 
 
-def test_a_tail_on_the_ground_is_a_fault(tmp_path: Path):
-    tail = '<geom name="tail" size="0.01" pos="-0.1 0 -0.2" mass="0.01"/>'
-    assert stance_of(make_robot(tmp_path, LEGS + tail))[0].startswith("stance: torso touches")
-
-
 CYCLES = 5
 KNEE = "l_knee"
 
 
 @pytest.fixture
 def check(world: World, monkeypatch: pytest.MonkeyPatch):
-    """Check a stance whose record is made up."""
-
     def check_record(record: Record) -> list[CheckFinding]:
         monkeypatch.setattr(stance_check, "play", lambda *_: record)
         return [*stance_check.check_hold(world)]
@@ -94,7 +85,6 @@ def check(world: World, monkeypatch: pytest.MonkeyPatch):
 
 
 def hold(world: World, torque: Array, **changes) -> Record:
-    """Make the record of a stance that takes torques (n,) [N·m]."""
     robot = world.robot
     shape = (1, CYCLES)
     qpos = np.tile(place(robot, world.model, robot.standing), (*shape, 1))
@@ -164,21 +154,3 @@ def test_a_hot_servo_is_reported_and_when_it_switches_itself_off(world: World, c
         windings.heat(windings.compute_current(torque), 1.0)
         seconds += 1
     assert int(minutes[1]) == pytest.approx(seconds / 60.0, abs=0.6)
-
-
-def test_the_stance_is_held_a_second_longer_than_a_stand_takes(world: World, monkeypatch):
-    asked = []
-
-    def play(_, __, targets: Array) -> Record:
-        asked.append(targets)
-        return hold(world, np.zeros(world.robot.n))
-
-    monkeypatch.setattr(stance_check, "play", play)
-    [*stance_check.check_hold(replace_period(world, 0.01))]
-    (targets,) = asked
-    assert targets.shape == (1, 400, world.robot.n)
-    assert np.ptp(targets, axis=1) == pytest.approx(0.0)
-
-
-def replace_period(world: World, period: float) -> World:
-    return World(replace(world.robot, control_period=period))

@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from stored_plans import lie_at_start
 
 from humanoid_getup.experiments.disturbances.distributions import (
     LogUniform,
@@ -14,16 +15,14 @@ from humanoid_getup.experiments.disturbances.distributions import (
     draw,
 )
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturbance
-from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
-from robots import Robot, quaternion
+from robots import quaternion
 from robots.kinematics import lowest_point, place
 from robots.quaternion import Array
-from robots.servo import LIMIT_MODES, PWM
 
 COUNT = 200
 
@@ -53,21 +52,12 @@ def test_the_first_scenario_is_nominal_and_a_seed_draws_one_set(world: World):
     assert len(np.unique(one.starts, axis=0)) == 4
 
 
-@pytest.mark.parametrize("name", ["mass", "armature", "friction_loss", "friction", "backlash"])
+@pytest.mark.parametrize("name", ["mass", "backlash"])
 def test_a_constant_is_itself_and_changes_nothing_else(world: World, name: str):
     changed = Disturbance(**{name: 1.7}).draw(world, 2, np.random.default_rng(0))
     assert np.all(getattr(changed, name) == 1.7)
     names = {field.name for field in fields(DomainParameters)}
     assert set(same(changed, DomainParameters.nominal(world, 2))) == names - {name}
-
-
-@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
-def test_a_share_of_robots_limits_its_torque_by_pwm(world: World, share: float):
-    drawn = Disturbance(by_pwm=share).draw(world, 5 * COUNT, np.random.default_rng(0))
-    own = LIMIT_MODES.index(world.robot.limit_by)
-    assert set(drawn.limit_by.tolist()) <= {own, PWM}
-    assert own != PWM
-    assert np.mean(drawn.limit_by == PWM) == pytest.approx(share, abs=0.05)
 
 
 def test_distributions_have_their_range_size_and_probability():
@@ -89,15 +79,10 @@ def test_distributions_have_their_range_size_and_probability():
     assert mixed[mixed != 7.0].max() <= 1.0
 
 
-# Starts -----------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
-def lying(op3: Robot) -> tuple[World, Array]:
+def lying(world: World) -> tuple[World, Array]:
     """A robot that has come to lie on its face, on flat ground."""
-    world = World(op3)
-    posture = sample_fall(world, "prone", seed=1).posture
-    return world, place(op3, world.model, posture)
+    return world, place(world.robot, world.model, lie_at_start(world))
 
 
 def sample_starts(world: World, start: Array, count: int = 12, **changes) -> Array:

@@ -12,7 +12,6 @@ from humanoid_getup.experiments.judging.outcome import (
     FIGURES,
     LIMIT_SLACK,
     Outcome,
-    compute_rms,
     count_episodes,
 )
 from humanoid_getup.experiments.judging.standing import Stance
@@ -23,7 +22,6 @@ PERIOD = 0.01
 
 
 def judge(robot: Robot, count: int, *leading: int, **changes: Any) -> Outcome:
-    """Judge robots that stand still for so many samples, except for what is changed."""
     return Outcome(make_record(robot, (*leading, count), PERIOD, **changes), robot)
 
 
@@ -98,9 +96,6 @@ def test_what_was_not_observed_has_no_figure_and_what_was_is_a_number(tiny: Robo
     assert outcome.collides is None
 
 
-# Progress ---------------------------------------------------------------------------------------
-
-
 def test_progress_is_mostly_how_upright_it_ended_and_partly_how_upright_it_was(tiny: Robot):
     """Of 60 samples, windows of 25 end at 35 and at 60; what is before the first is left out."""
     height = np.repeat([1.0, 0.8, 0.4], [10, 25, 25])
@@ -120,40 +115,13 @@ def test_progress_falls_with_height_tilt_and_contacts(tiny: Robot):
     assert of(0.9, np.pi, False) == of(-0.1, 0.0, False) == 0.0, "upside down, or in a hole"
 
 
-def test_what_follows_the_end_of_a_run_is_no_progress(tiny: Robot):
-    """Stopped early, its record repeats: only the windows up to its 25th sample count."""
-    height = np.repeat([0.3, 0.9], 25)
-    changes = {"upright": lying(50), "stance": stance(tiny, height)}
-    assert judge(tiny, 50, **changes, cycles=np.array(25)).progress == pytest.approx(0.3)
-    assert judge(tiny, 50, **changes).progress == pytest.approx(0.9)
-
-
-# Stands -----------------------------------------------------------------------------------------
-
-
-def test_a_search_may_ask_for_a_shorter_stand(tiny: Robot):
-    record = make_record(tiny, (2, 100), PERIOD)
-    outcome = Outcome(record, tiny, hold_time=0.9, torque_limit=2.0)
-    assert outcome.stood.all()
-    assert not Outcome(record, tiny).stood.any()
-    one = outcome.take(1)
-    assert (one.stood, one.hold_time, one.torque_limit) == (True, 0.9, 2.0)
-
-
 def test_a_run_that_was_stopped_stood_by_what_stopped_it(tiny: Robot):
     """Of three runs of 40 samples, one was stopped at rest in a stand, one as it failed."""
     outcome = judge(
-        tiny,
-        40,
-        3,
-        settled=np.array([True, False, False]),
-        failed=np.array([False, True, False]),
+        tiny, 40, 3, settled=np.array([True, False, False]), failed=np.array([False, True, False])
     )
     assert outcome.stood.tolist() == [True, False, False]
     assert outcome.stand_time == pytest.approx([PERIOD, np.nan, np.nan], nan_ok=True)
-
-
-# Torques ----------------------------------------------------------------------------------------
 
 
 def test_torque_along_a_motion_drives_and_torque_against_it_brakes(tiny: Robot):
@@ -187,13 +155,6 @@ def test_rms_torque_is_that_of_the_way_up(tiny: Robot):
     )
 
 
-def test_a_root_mean_square_is_that_of_as_many_samples_as_there_are():
-    square = np.array([1.0, 3.0, 8.0])
-    for count, expected in [(0, 1.0), (1, 1.0), (2, 2.0), (3, 4.0), (9, 4.0)]:
-        assert compute_rms(square, np.array(count)) == pytest.approx(np.sqrt(expected))
-    assert compute_rms(np.zeros((2, 0)), np.array([0, 0])).tolist() == [0.0, 0.0]
-
-
 @pytest.mark.parametrize(("extra", "is_long"), [(0, False), (1, True)])
 def test_saturation_is_the_longest_time_without_reserve(tiny: Robot, extra: int, is_long: bool):
     """Interrupted once, then without a break until its overload protection may trip."""
@@ -205,14 +166,8 @@ def test_saturation_is_the_longest_time_without_reserve(tiny: Robot, extra: int,
     assert outcome.overloaded == is_long
 
 
-# Contacts and violations ------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("beyond", "count"), [(0.98, 0), (1.02, 1)])
-@pytest.mark.parametrize("way", [-1, 1])
-def test_a_joint_may_leave_its_range_by_what_a_soft_stop_yields(
-    tiny: Robot, beyond: float, count: int, way: int
-):
+@pytest.mark.parametrize(("beyond", "count", "way"), [(0.98, 0, -1), (1.02, 1, -1), (1.02, 1, 1)])
+def test_a_joint_may_leave_its_range_by_what_a_soft_stop_yields(tiny, beyond, count, way):
     qpos = np.zeros((30, 9))
     bound = tiny.upper[1] if way > 0 else tiny.lower[1]
     qpos[12, 8] = bound + way * beyond * LIMIT_SLACK
@@ -225,23 +180,16 @@ def test_an_overlap_is_a_collision_from_a_tenth_of_a_millimeter_on(tiny: Robot):
     depth[1, 10:50] = 0.00009
     depth[2, 59] = 0.02
     outcome = judge(tiny, 60, 3, overlap=depth)
-    assert outcome.overlap is not None
-    assert outcome.collides is not None
     assert outcome.overlap.tolist() == [0.00011, 0.00009, 0.02]
     assert outcome.collides.tolist() == [True, False, True]
     assert np.asarray(outcome.self_collisions).tolist() == [4, 0, 1]
 
 
 def test_a_fault_counts_once_until_it_stayed_away_long_enough():
-    flags = np.zeros((40, 2), dtype=bool)
+    flags = np.zeros((40, 3), dtype=bool)
     flags[[3, 4, 5, 8, 30], 0] = True  # 8 follows 5 within the gap, 30 does not
-    assert count_episodes(flags.T, apart=12).tolist() == [2, 0]
-
-
-def test_a_fault_counts_again_only_after_more_than_the_gap():
-    flags = np.zeros((40, 1), dtype=bool)
-    flags[[0, 12, 25]] = True
-    assert count_episodes(flags.T, apart=12).tolist() == [2]
+    flags[[0, 12, 25], 1] = True
+    assert count_episodes(flags.T, apart=12).tolist() == [2, 2, 0]
 
 
 def test_an_impact_is_as_fast_as_what_came_down_was_before_it(tiny: Robot):
@@ -256,9 +204,6 @@ def test_an_impact_is_as_fast_as_what_came_down_was_before_it(tiny: Robot):
     assert np.asarray(outcome.torso_impact).tolist() == [0.75, 0.0]
 
 
-# The neck ---------------------------------------------------------------------------------------
-
-
 def test_a_knock_is_the_largest_change_of_the_necks_velocity(tiny: Robot):
     """It moves at 1 m/s along x, then at 2 m/s along y: sqrt(5) m/s of change."""
     neck = np.zeros((20, 3))
@@ -268,12 +213,3 @@ def test_a_knock_is_the_largest_change_of_the_necks_velocity(tiny: Robot):
     outcome = judge(tiny, 20, neck=neck, upright=lying(20))
     assert outcome.neck_delta_v == pytest.approx(np.sqrt(5.0))
     assert judge(tiny, 2, neck=neck[:2]).neck_delta_v == 0.0
-
-
-def test_constant_velocity_is_no_knock_and_constant_acceleration_a_small_one(tiny: Robot):
-    time = PERIOD * np.arange(30)
-    path = np.stack([3.0 * time, 0.5 * 4.0 * time**2, 0.0 * time], axis=-1)
-    outcome = judge(tiny, 30, neck=path, upright=lying(30))
-    assert outcome.neck_delta_v == pytest.approx(4.0 * PERIOD)
-    still = judge(tiny, 30, neck=path * [1.0, 0.0, 0.0], upright=lying(30))
-    assert still.neck_delta_v == pytest.approx(0.0, abs=1e-12)

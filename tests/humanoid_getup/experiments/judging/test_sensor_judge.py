@@ -1,25 +1,19 @@
 """The judge that has sensors alone, against the one that knows the truth."""
 
 import math
-from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from recording_backend import still_state
 
-from drivers import Command, Cycle, SafetyGuard, State, Twin, run
+from drivers import Command, Cycle, SafetyGuard, Twin, run
 from drivers.control_loop import Timing
 from drivers.safety_limits import ClipCounts
 from drivers.twin.device_models import SensorNoise
 from drivers.twin.simulation import SimulationOptions
-from humanoid_getup.experiments.judging.judge import (
-    GroundTruthJudge,
-    SensorJudge,
-)
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.judging.standing import StanceMeter
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
@@ -51,9 +45,7 @@ def judge_twice(world: World, motion: Motion, start: Motion) -> tuple[Outcome, O
     return truth.conclude(), sensed.conclude(), twin
 
 
-@pytest.mark.parametrize(
-    "name", ["supine_sit_up_fast", "prone_push_up_gentle", "prone_wide_push_up", "lateral_side_sit"]
-)
+@pytest.mark.parametrize("name", ["supine_sit_up_fast", "prone_push_up_gentle"])
 def test_it_sees_a_stand_where_there_is_one(world: World, name: str):
     truth, sensed, twin = judge_twice(world, MOTIONS[name], MOTIONS[name])
     assert truth.stand.stood and sensed.stand.stood
@@ -62,31 +54,21 @@ def test_it_sees_a_stand_where_there_is_one(world: World, name: str):
     assert sensed.peak_torque == pytest.approx(truth.peak_torque, rel=0.15)
     assert sensed.peak_velocity == pytest.approx(truth.peak_velocity, rel=0.15)
     assert sensed.rms_torque == pytest.approx(truth.rms_torque, rel=0.15)
-    assert sensed.record.torque.shape[1] == world.robot.n
+    assert sensed.is_sensed
+    assert sensed.self_collisions is sensed.ground_penetrations is None
     last = read_posture(world.robot, world.model, sensed.qpos[-1])
     assert last.position[2] == pytest.approx(twin.truth.posture.position[2], abs=0.01)
 
 
 @pytest.mark.parametrize(
     ("name", "start"),
-    [
-        ("supine_sit_up_fast", "prone_push_up_fast"),
-        ("prone_push_up_fast", "supine_sit_up_fast"),
-        ("squat_to_stand", "lateral_side_sit"),
-    ],
+    [("prone_push_up_fast", "supine_sit_up_fast"), ("squat_to_stand", "lateral_side_sit")],
 )
 def test_it_sees_no_stand_in_a_fall(world: World, name: str, start: str):
     truth, sensed, _ = judge_twice(world, MOTIONS[name], MOTIONS[start])
     assert not truth.stand.stood
     assert not sensed.stand.stood
     assert math.isnan(sensed.stand.start_time)
-
-
-def test_it_says_what_it_cannot_know(world: World):
-    _, sensed, _ = judge_twice(world, MOTIONS["squat_to_stand"], MOTIONS["squat_to_stand"])
-    assert sensed.is_sensed
-    assert sensed.self_collisions is None
-    assert sensed.ground_penetrations is None
 
 
 def sense(op3: Robot, cycles: int = 381, torque_limit: float | None = None, **changes):
@@ -96,19 +78,9 @@ def sense(op3: Robot, cycles: int = 381, torque_limit: float | None = None, **ch
     """
     judge = SensorJudge(WORLD, 0.008, torque_limit)
     for k in range(cycles):
-        state = State(
-            time=0.008 * k,
-            joint_pos=op3.standing.joint_pos,
-            joint_vel=np.zeros(op3.n),
-            joint_current=np.zeros(op3.n),
-            gyro=np.zeros(3),
-            orientation=op3.standing.orientation,
-            temperature=np.full(op3.n, 25.0),
-            voltage=12.0,
-        )
-        for name, (cycle, value) in changes.items():
-            if k == cycle:
-                state = replace(state, **{name: value})
+        changed = {name: value for name, (cycle, value) in changes.items() if k == cycle}
+        stance = {"joint_pos": op3.standing.joint_pos, "orientation": op3.standing.orientation}
+        state = still_state(op3, time=0.008 * k, **stance | changed)
         command = Command.position(op3, op3.standing.joint_pos)
         timing = Timing(late=0.0, read=0.0, step=0.0, write=0.0)
         judge(Cycle(state, command, command, ClipCounts(*np.zeros((5, op3.n))), timing))
@@ -140,15 +112,13 @@ def test_peaks_are_estimated_from_currents(op3: Robot):
     assert outcome.torque_use == pytest.approx(2.05 / 2.5)
     # It stands from the first sample on: two samples of twenty joints are its way up.
     assert outcome.rms_torque == pytest.approx(2.05 / np.sqrt(op3.n))
-    assert sense(op3, joint_current=(1, current)).torque_use == pytest.approx(0.5)
-    fast = sense(op3, joint_vel=(5, np.eye(20)[7] * -3.0))
+    assert sense(op3, 20, joint_current=(1, current)).torque_use == pytest.approx(0.5)
+    fast = sense(op3, 20, joint_vel=(5, np.eye(20)[7] * -3.0))
     assert fast.peak_velocity == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize(("beyond_deg", "count"), [(0.9, 0), (1.1, 1)])
-def test_a_joint_that_left_its_range_by_more_than_a_degree_is_counted(
-    op3: Robot, beyond_deg: float, count: int
-):
+def test_a_joint_that_left_its_range_by_more_than_a_degree_is_counted(op3, beyond_deg, count):
     for row, bound, way in ((2, op3.upper, 1.0), (5, op3.lower, -1.0)):
         angles = op3.standing.joint_pos.copy()
         angles[row] = bound[row] + way * np.radians(beyond_deg)
@@ -164,31 +134,6 @@ def test_positions_lie_on_the_ground(op3: Robot):
     posture = read_posture(op3, WORLD.model, outcome.qpos[2])
     np.testing.assert_allclose(posture.orientation, tilted, atol=1e-9)
     np.testing.assert_allclose(posture.joint_pos, op3.standing.joint_pos)
-
-
-def estimate_neck_height(world: World, orientation: np.ndarray, joint_pos: np.ndarray) -> float:
-    meter = StanceMeter(world.robot, world.model)
-    return float(meter.estimate(orientation[None], joint_pos[None]).neck_height[0])
-
-
-def test_the_neck_is_measured_from_the_lower_sole(world: World, op3: Robot):
-    angles = op3.standing.joint_pos.copy()
-    angles[op3.joint_names.index("l_knee")] += 0.8  # lifts the left foot
-    height = estimate_neck_height(world, op3.standing.orientation, angles)
-    assert height == pytest.approx(op3.standing_neck_height, abs=1e-6)
-
-
-quaternions = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(
-    lambda q: np.linalg.norm(q) > 0.1
-)
-
-
-@given(parts=quaternions)
-def test_gravity_in_haste_is_gravity(parts: list[float]):
-    orientation = quaternion.normalize(np.array(parts))
-    slow = quaternion.gravity_in_body(torso_orientation(WORLD.robot, WORLD.model, orientation))
-    imu = WORLD.model.site(WORLD.robot.imu_site).quat
-    np.testing.assert_allclose(GravitySense(imu)(orientation), slow, atol=1e-9)
 
 
 def test_an_imu_that_sits_askew_still_tells_the_torso_upright(op3: Robot):

@@ -3,8 +3,6 @@ import pytest
 
 from drivers import Twin
 from humanoid_getup.experiments.judging.standing import (
-    HOLD,
-    HOLD_TIME,
     Stance,
     StanceMeter,
     is_upright,
@@ -29,25 +27,13 @@ def test_a_stand_counts_from_its_first_unbroken_moment():
     assert stand.hold_time == pytest.approx(3.0)  # 301 samples span 300 periods
 
 
-def test_a_record_without_samples_is_no_stand():
-    stand = judge(np.zeros(0, dtype=bool), PERIOD)
-    assert (stand.stood, stand.hold_time) == (False, 0.0)
-
-
 def test_a_stand_shorter_than_three_seconds_is_none():
     stand = judge(np.array([False] * 10 + [True] * 300), PERIOD)
     assert not stand.stood
     assert np.isnan(stand.start_time)
-
-
-def test_one_broken_sample_restarts_the_hold():
-    upright = np.array([True] * 400 + [False] + [True] * 200)
-    assert not judge(upright, PERIOD).stood
-
-
-def test_hold_time_is_the_shared_definition():
-    assert HOLD_TIME == 3.0
-    assert HOLD - HOLD_TIME == 1.5, "a robot may sway before its stand begins"
+    broken = np.array([True] * 400 + [False] + [True] * 200)
+    assert not judge(broken, PERIOD).stood
+    assert not judge(np.zeros(0, dtype=bool), PERIOD).stood
 
 
 @pytest.mark.parametrize(
@@ -92,7 +78,6 @@ def test_the_neck_is_measured_over_the_mean_of_what_is_under_the_feet(tiny):
 
 
 def test_twin_rollout_and_sensors_measure_the_same_stance(op3, world):
-    """One standing robot, measured by all three paths."""
     twin = Twin(world)
     twin.place(op3.standing)
     truth, meter = twin.truth, StanceMeter(op3, world.model)

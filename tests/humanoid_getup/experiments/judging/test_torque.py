@@ -5,11 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.experiments.judging.torque import (
-    count_runs,
-    find_saturation,
-    split_torque,
-)
+from humanoid_getup.experiments.judging.torque import count_runs, find_saturation, split_torque
 from robots import Robot
 
 
@@ -38,15 +34,6 @@ def test_a_torque_drives_or_brakes_and_never_both():
     apart = split_torque(torque, velocity)
     assert apart.driving.tolist() == [2.0, 3.0, 0.0, 0.0, 6.0]
     assert apart.braking.tolist() == [0.0, 0.0, 4.0, 5.0, 0.0]
-
-
-def test_every_world_has_its_own_supply(op3: Robot):
-    torque = np.broadcast_to(0.9 * op3.max_torque, (2, 3, op3.n))
-    voltage = op3.supply_voltage * np.array([[1.0], [0.85]])
-    found = find_saturation(op3, torque, np.zeros_like(torque), voltage)
-    assert found.shape == (2, 3, op3.n)
-    assert not found[0].any()
-    assert found[1].all()
 
 
 @given(flags=st.lists(st.booleans(), max_size=40), cuts=st.lists(st.integers(0, 40), max_size=4))

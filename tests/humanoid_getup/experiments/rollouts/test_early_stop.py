@@ -29,7 +29,6 @@ def motion(op3):
 
 @pytest.fixture(scope="module")
 def worlds(world, motion):
-    """Worlds disturbed so much that the robot falls in some of them."""
     start = place(world.robot, world.model, motion.posture(0))
     limit, rng = TorqueLimit(3.4, "pwm"), np.random.default_rng(4)
     return STRONG.sample(world, start, COUNT, rng, limit)
@@ -103,17 +102,12 @@ LYING = {"upright": np.zeros((1, CHUNK), dtype=bool)}
 
 @pytest.mark.parametrize(
     ("speed", "chunks", "stood"),
-    [(0.029, 3, False), (0.029, 4, True), (0.031, 13, False), (0.031, 14, True)],
+    [(0.029, 3, False), (0.029, 4, True), (0.031, 14, True)],
 )
 def test_a_stand_counts_once_it_is_at_rest_for_long_enough_or_held(op3, speed, chunks, stood):
     """At rest 0.6 s after the last target, three chunks and a half; else held for 3.3 s."""
     stop = follow(op3, chunk(op3), chunks, speed)
     assert verdict(stop) == (stood, False, chunks * CHUNK)
-
-
-def test_nothing_is_known_while_targets_move(op3):
-    for record in (chunk(op3), chunk(op3, neck=0.2, **LYING)):
-        assert verdict(follow(op3, record, 20, length=1000)) == (False, False, 20 * CHUNK)
 
 
 @pytest.mark.parametrize(
@@ -140,24 +134,3 @@ def test_a_servo_without_reserve_for_long_fails_even_in_a_stand(op3, breaks):
     stop = follow(op3, chunk(op3, torque=torque), 7, length=4 * CHUNK)
     # At the same moment it has been at rest for 0.75 s.
     assert verdict(stop) == (breaks, not breaks, known)
-
-
-def test_each_robot_has_its_own_verdict(op3):
-    """The second one lies and is over; the first and the third go on and stand."""
-    stop = EarlyStop(op3, np.full(3, CHUNK), np.full(3, op3.supply_voltage))
-    everyone = np.arange(3)
-    for k in range(4):
-        going = np.flatnonzero(stop.going)
-        assert going.tolist() == ([0, 1, 2] if k < 2 else [0, 2])
-        neck = np.where(everyone == 1, 0.2, 1.0)[going, None]
-        stance = Stance(
-            neck_height=np.tile(neck * op3.standing_neck_height, (1, CHUNK)),
-            tilt=np.zeros((len(going), CHUNK)),
-            non_foot_contact=np.zeros((len(going), CHUNK), dtype=bool),
-        )
-        upright = np.tile(neck > 0.9, (1, CHUNK))
-        record = make_record(op3, (len(going), CHUNK), PERIOD, stance=stance, upright=upright)
-        stop.add(going, record, np.zeros(len(going)))
-    assert stop.stood.tolist() == [True, False, True]
-    assert stop.failed.tolist() == [False, True, False]
-    assert stop.cycles.tolist() == [4 * CHUNK, 2 * CHUNK, 4 * CHUNK]

@@ -4,12 +4,7 @@ from nonempty import nonempty
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import play
-from humanoid_getup.experiments.starts.falls import (
-    FallSet,
-    classify,
-    sample_fall_set,
-    sample_falls,
-)
+from humanoid_getup.experiments.starts.falls import FallSet, classify, sample_fall_set, sample_falls
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import quaternion
 from robots.kinematics import lowest_point, place
@@ -28,12 +23,11 @@ def falls(world):
     return sample_falls(world, {"supine": 2, "prone": 2, "lateral": 2}, np.random.default_rng(5))
 
 
-@pytest.mark.parametrize("name", ATTITUDES)
-@pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
-def test_gravity_names_the_class_whatever_the_heading(name, yaw):
-    axis, angle = ATTITUDES[name]
-    lying = quaternion.from_axis_angle(np.array(axis), angle)
-    assert classify(quaternion.multiply(quaternion.from_yaw(yaw), lying)) == name
+@pytest.mark.parametrize("yaw", [0.0, -2.5])
+def test_gravity_names_the_class_whatever_the_heading(yaw):
+    for name, (axis, angle) in nonempty(ATTITUDES.items()):
+        lying = quaternion.from_axis_angle(np.array(axis), angle)
+        assert classify(quaternion.multiply(quaternion.from_yaw(yaw), lying)) == name
 
 
 def test_every_class_has_its_count_and_its_name(falls):
@@ -59,28 +53,21 @@ def test_a_fallen_robot_stays_where_it_is(falls, world):
     starts = np.array([place(robot, world.model, fall.posture) for fall in falls])
     limp = DomainParameters.nominal(world, len(falls), torque_limit=0.0)
     trace = play(
-        world,
-        Scenarios(starts=starts, parameters=limp),
-        np.zeros((len(falls), 125, robot.n)),
+        world, Scenarios(starts=starts, parameters=limp), np.zeros((len(falls), 125, robot.n))
     )
     turned = quaternion.angle_between(trace.qpos[:, -1, 3:7], starts[:, 3:7])
     assert np.all(turned < np.radians(3.0))
 
 
-def test_one_seed_gives_one_set(world):
-    counts = {"supine": 1, "lateral": 1}
-    first, second = (sample_falls(world, counts, np.random.default_rng(9)) for _ in range(2))
-    for a, b in nonempty(zip(first, second, strict=True)):
-        np.testing.assert_array_equal(a.posture.joint_pos, b.posture.joint_pos)
-        np.testing.assert_array_equal(a.posture.orientation, b.posture.orientation)
-
-
-def test_almost_every_drop_settles_and_what_does_not_is_counted(world, tmp_path):
-    fall_set = sample_fall_set(world, {"supine": 2, "prone": 2}, seed=5)
-    assert len(fall_set.falls) == 4
+def test_one_seed_gives_one_set_and_almost_every_drop_settles(world, tmp_path):
+    fall_set = sample_fall_set(world, {"supine": 1, "lateral": 1}, seed=5)
+    assert len(fall_set.falls) == 2
     assert fall_set.dropped is not None and fall_set.dropped % 24 == 0
     assert fall_set.left_out is not None and fall_set.left_out <= 0.05 * fall_set.dropped
     file = tmp_path / "falls.npz"
     fall_set.save(file)
+    again = sample_fall_set(world, {"supine": 1, "lateral": 1}, seed=5)
+    for a, b in nonempty(zip(fall_set.falls, again.falls, strict=True)):
+        np.testing.assert_array_equal(a.posture.joint_pos, b.posture.joint_pos)
     loaded = FallSet.load(file, world.robot)
     assert (loaded.dropped, loaded.left_out) == (fall_set.dropped, fall_set.left_out)

@@ -1,9 +1,7 @@
 """README and documentation: links lead somewhere, lines are short, pages can be found."""
 
 import re
-from pathlib import Path
 
-import pytest
 from document_pages import PAGES, list_anchors, list_links, name_of
 from nonempty import nonempty
 from paths import REPOSITORY
@@ -14,29 +12,22 @@ UNBROKEN = re.compile(r"\||!\[|\S+$|pip install |python ")
 DOCS = REPOSITORY / "docs"
 
 
-LINKING = [page for page in PAGES if list_links(page)]
-
-
-@pytest.mark.parametrize("page", LINKING, ids=name_of)
-def test_links_lead_somewhere(page: Path):
-    for link in nonempty(list_links(page)):
+def test_links_lead_somewhere():
+    for page, link in nonempty([(each, link) for each in PAGES for link in list_links(each)]):
         path, _, anchor = link.partition("#")
         target = (page.parent / path).resolve() if path else page
-        assert target.exists(), link
+        assert target.exists(), (page, link)
         if anchor and not name_of(target).endswith("command_line.md"):
-            assert anchor in list_anchors(target), link
+            assert anchor in list_anchors(target), (page, link)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_prose_is_wrapped(page: Path):
-    lines = page.read_text("utf-8").splitlines()
-    assert [line for line in lines if len(line) > WIDTH and not UNBROKEN.match(line)] == []
-
-
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_code_is_not_broken_across_lines(page: Path):
-    text = re.sub(r"^ *```.*?^ *```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
-    assert [line for line in text.splitlines() if line.count("`") % 2] == []
+def test_prose_is_wrapped_and_code_is_not():
+    for page in nonempty(PAGES):
+        text = page.read_text("utf-8")
+        long = [line for line in text.splitlines() if len(line) > WIDTH]
+        assert [line for line in long if not UNBROKEN.match(line)] == [], page
+        prose = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
+        assert [line for line in prose.splitlines() if line.count("`") % 2] == [], page
 
 
 def test_every_page_is_in_the_navigation():

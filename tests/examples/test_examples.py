@@ -21,10 +21,6 @@ NOTEBOOK = REPOSITORY / "examples" / "rise.ipynb"
 DISPLAY = "from pathlib import Path; Image = lambda filename: Path(filename).stat().st_size"
 
 
-def test_there_are_four_examples_and_they_are_numbered():
-    assert [path.name[:3] for path in EXAMPLES] == ["01_", "02_", "03_", "04_"]
-
-
 @pytest.mark.parametrize(
     "path",
     [EXAMPLES[0], *(pytest.param(path, marks=pytest.mark.slow) for path in EXAMPLES[1:])],

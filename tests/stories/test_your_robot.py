@@ -10,7 +10,7 @@ from model_files import write_model
 from paths import REPOSITORY
 
 from humanoid_getup.commands.main import main
-from robots import Robot, load_robot
+from robots import load_robot
 
 PAGE = REPOSITORY / "docs/how-to/your_robot.md"
 MOTIONS = ["squat_to_stand", "supine_sit_up_fast"]
@@ -24,9 +24,7 @@ def find_line(start: str) -> list[str]:
 
 
 @pytest.mark.slow  # a minute
-def test_a_model_file_becomes_a_robot_that_gets_up(
-    tmp_path: Path, op3: Robot, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_model_file_becomes_a_robot_that_gets_up(tmp_path, op3, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_model(tmp_path / "mine.xml", op3)
     assert main(find_line("robots import")) == 0

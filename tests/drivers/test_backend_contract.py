@@ -6,19 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bus_stories import serving
 
 from drivers import Backend, Command, SafetyGuard, Twin
-from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
-from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.goal_ranges import full_scale
 from drivers.errors import DriverError, NotConnectedError
 from drivers.serial_port import SDK
 from drivers.twin.device_models import CURRENT_STEP
-from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_ports import VirtualPorts
-from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import ImuSettings, Robot
 from robots.description.servo_catalog import servo_models
 
@@ -30,20 +25,15 @@ def virtual(
     robot: Robot, wrap: Callable[[Backend], Backend] = lambda backend: backend
 ) -> Iterator[Backend]:
     """The real driver, its port, and servos that speak the protocol with physics behind them."""
-    with VirtualPorts(VirtualRobot(Simulation(robot)), time_mode=TimeMode.LOCK_STEP) as ports:
-        options = DriverOptions(make_port=ports.make_port)
-        clock = CycleClock()
-        yield wrap(
-            DynamixelBackend(robot, ports.paths, clock=clock, imu=ports.imu, options=options)
-        )
+    with serving(robot, powered=False) as served:
+        yield wrap(served.make_driver())
 
 
 @contextmanager
 def by_sdk(robot: Robot) -> Iterator[Backend]:
     """The driver over a port that the maker's own library opens."""
-    with VirtualPorts(VirtualRobot(Simulation(robot)), time_mode=TimeMode.LOCK_STEP) as ports:
-        paths = {name: SDK + path for name, path in ports.paths.items()}
-        yield DynamixelBackend(robot, paths, clock=CycleClock(), imu=ports.imu)
+    with serving(robot, powered=False) as served:
+        yield served.make_driver(SDK)
 
 
 BACKENDS: dict[str, Make] = {

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 from paths import TINY
 
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
 from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
@@ -30,6 +32,7 @@ class Served:
 
     def __init__(self, virtual: VirtualRobot, ports: VirtualPorts) -> None:
         self.virtual, self.robot, self._ports = virtual, virtual.robot, ports
+        self.call, self.faults = ports.main.call, ports.main.faults
 
     @property
     def path(self) -> str:
@@ -38,6 +41,17 @@ class Served:
     def make_port(self, path: str, baud: int = 1_000_000) -> SerialPort:
         """Make the client's end, on which nothing is waited for that does not come."""
         return self._ports.make_port(path, baud)
+
+    def make_driver(self, prefix: str | None = None, **settings) -> DynamixelBackend:
+        """Make a driver that loses no reply on a busy machine; a prefix says by which port."""
+        make_port = SerialPort if prefix is not None else self.make_port
+        return DynamixelBackend(
+            self.robot,
+            {name: (prefix or "") + path for name, path in self._ports.paths.items()},
+            clock=CycleClock(),
+            options=DriverOptions(make_port=make_port),
+            **{"imu": self._ports.imu} | settings,
+        )
 
     def place(self, **angles_deg: float) -> None:
         """Hold joints at angles [degrees], all others at 0."""
@@ -51,21 +65,21 @@ class Served:
         posture = Posture(
             position=standing.position, orientation=standing.orientation, joint_pos=joint_pos
         )
-        self._ports.main.call(lambda: self.virtual.place(posture))
+        self.call(lambda: self.virtual.place(posture))
 
     def lean(self, orientation: np.ndarray) -> None:
         """Hold the robot in its stance, its torso in another orientation (4,)."""
         posture = replace(self.robot.standing, orientation=orientation)
-        self._ports.main.call(lambda: self.virtual.place(posture))
+        self.call(lambda: self.virtual.place(posture))
 
     def poke(self, joint: str, item: str, value: int) -> None:
         servo = self.virtual.servos[self.robot.joint_names.index(joint)]
-        self._ports.main.call(lambda: servo.poke(item, value))
+        self.call(lambda: servo.poke(item, value))
 
     def restart(self) -> None:
         """Switch the power of all servos off and on."""
         for on in (False, True):
-            self._ports.main.call(lambda on=on: self._power(on))
+            self.call(lambda on=on: self._power(on))
 
     def _power(self, on: bool) -> None:
         for servo in self.virtual.servos:
@@ -73,20 +87,20 @@ class Served:
 
     def peek(self, item: str) -> list[int]:
         servos = self.virtual.servos
-        return self._ports.main.call(lambda: [servo.peek(item) for servo in servos])
+        return self.call(lambda: [servo.peek(item) for servo in servos])
 
     def heat(self, servo_id: int, temperature: float) -> None:
         """Let a servo report a temperature [°C]."""
-        self._ports.main.faults.heat(servo_id, temperature)
+        self.faults.heat(servo_id, temperature)
 
     def pass_time(self, seconds: float) -> None:
         """Let time pass without a byte on the bus [s]."""
         physics = self.virtual.physics
-        self._ports.main.call(lambda: physics.advance(physics.time + seconds))
+        self.call(lambda: physics.advance(physics.time + seconds))
 
     def stall(self, seconds: float) -> None:
         """Keep the bus from serving for some seconds of wall time, as a busy computer does."""
-        self._ports.main.call(lambda: time.sleep(seconds))
+        self.call(lambda: time.sleep(seconds))
 
     def unplug(self) -> None:
         """Unplug the adapter."""
@@ -94,7 +108,7 @@ class Served:
 
     def add(self, device) -> None:
         """Hang one more device on the bus."""
-        self._ports.main.call(lambda: self._chain.devices.append(device))
+        self.call(lambda: self._chain.devices.append(device))
 
     def exchange(self, place: int, device) -> None:
         """Put another device where one was."""
@@ -102,7 +116,7 @@ class Served:
         def swap() -> None:
             self._chain.devices[place] = device
 
-        self._ports.main.call(swap)
+        self.call(swap)
 
     @property
     def _chain(self):

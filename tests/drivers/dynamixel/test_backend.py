@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bus_stories import serving
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from memory_rig import Rig, split
 
 from drivers import Command
 from drivers.dynamixel import backend as driver_module
-from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
-from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.cyclic_read import GroupKind
 from drivers.dynamixel.diagnostics import DiagnosticsError
@@ -19,12 +18,8 @@ from drivers.dynamixel.protocol2 import Instruction
 from drivers.errors import DriverError, SetupError, UnreleasedError
 from drivers.serial_port import SDK, PortError
 from drivers.state import HardwareError
-from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.device import Quirks, ReadGap
 from drivers.virtual_bus.devices.sensors import Measured
-from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_ports import VirtualPorts
-from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots.servo import MAX_TICKS
 
 TORQUE = 64
@@ -357,29 +352,26 @@ def test_unplugged_under_torque_and_plugged_in_again_the_robot_is_limp_until_tol
     kind, tiny, monkeypatch
 ):
     monkeypatch.setattr("drivers.dynamixel.servo_chain.REOPEN_EVERY", 0.0)
-    virtual = VirtualRobot(Simulation(tiny), powered=True)
-    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        paths = {name: kind + path for name, path in ports.paths.items()}
-        options = DriverOptions(answer_margin=5.0)
-        with DynamixelBackend(tiny, paths, clock=CycleClock(), options=options) as backend:
+    with serving(tiny) as served, served.make_driver(kind) as backend:
 
-            def hold(cycles: int):
-                for _ in range(cycles):
-                    state = backend.read()
-                    sent = backend.write(Command.position(tiny, np.array([0.1, -0.1])))
-                return state, sent
+        def hold(cycles: int):
+            for _ in range(cycles):
+                state = backend.read()
+                sent = backend.write(Command.position(tiny, np.array([0.1, -0.1])))
+            return state, sent
 
-            before, _ = hold(10)
-            ports.main.faults.unplug()
-            state, _ = hold(10)
-            assert backend.chains[0].is_lost
-            assert state.joint_age.max() > 0.0
-            assert np.all(np.abs(state.joint_pos - before.joint_pos) < 0.1)
-            ports.main.faults.replug()
-            state, sent = hold(30)
-            assert not backend.chains[0].is_lost and not sent.torque_limit.any()
-            assert state.joint_age.max() == 0.0
-            assert [servo.peek("torque_enable") for servo in virtual.servos] == [0, 0]
-            backend.write(Command.limp(2))
-            hold(3)
-            assert [servo.peek("torque_enable") for servo in virtual.servos] == [1, 1]
+        backend.chains[0].bus.answer_margin = 5.0  # for a busy machine
+        before, _ = hold(10)
+        served.faults.unplug()
+        state, _ = hold(10)
+        assert backend.chains[0].is_lost
+        assert state.joint_age.max() > 0.0
+        assert np.all(np.abs(state.joint_pos - before.joint_pos) < 0.1)
+        served.faults.replug()
+        state, sent = hold(30)
+        assert not backend.chains[0].is_lost and not sent.torque_limit.any()
+        assert state.joint_age.max() == 0.0
+        assert served.peek("torque_enable") == [0, 0]
+        backend.write(Command.limp(2))
+        hold(3)
+        assert served.peek("torque_enable") == [1, 1]

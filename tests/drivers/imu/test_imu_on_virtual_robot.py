@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from bus_stories import run_json
+from bus_stories import run_json, serving
 from imu_bench import KINDS
 from waiting import LONGEST_WAIT, wait_until
 
 from drivers import Command, SafetyGuard, State
-from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
-from drivers.dynamixel.clock import CycleClock
+from drivers.dynamixel.backend import DynamixelBackend
 from drivers.errors import SetupError
 from drivers.safety_guard import FaultKind
 from drivers.twin.simulation import Simulation
@@ -26,14 +23,9 @@ from robots.kinematics import torso_orientation
 from robots.transmission import Coupling
 
 BY_ADDRESS = BoardSettings(
-    id=100,
-    imu_axes=("y", "-x", "z"),
-    gyro_address=64,
-    accelerometer_address=52,
-    gyro_scale=0.001,
-    accelerometer_scale=0.01,
-    port="main",
-)
+    id=100, port="main", imu_axes=("y", "-x", "z"), gyro_address=64, accelerometer_address=52,
+    gyro_scale=0.001, accelerometer_scale=0.01,
+)  # fmt: skip
 TOPPLING = Posture(
     position=np.array([0.0, 0.0, 0.4]),
     orientation=quaternion.normalize(np.array([0.9, 0.3, 0.3, 0.1])),
@@ -41,12 +33,9 @@ TOPPLING = Posture(
 )
 
 
-FIRST_SAMPLES = ("source", "bno055", "bno08x_i2c")  # modules that wait for a first sample
-
-
 def set_patience(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
     """Set how long drivers wait for the first sample of an IMU."""
-    for module in FIRST_SAMPLES:
+    for module in ("source", "bno055", "bno08x_i2c"):
         monkeypatch.setattr(f"drivers.imu.{module}.FIRST_SAMPLE", seconds)
 
 
@@ -67,30 +56,14 @@ def with_imu(robot: Robot, kind: str) -> Robot:
     return replace(robot, imu=KINDS[kind], bus=replace(robot.bus, board=None))
 
 
-def make_driver(robot: Robot, ports: VirtualPorts) -> DynamixelBackend:
-    options = DriverOptions(make_port=ports.make_port)
-    return DynamixelBackend(robot, ports.paths, clock=CycleClock(), imu=ports.imu, options=options)
-
-
-@contextmanager
-def driving(robot: Robot) -> Iterator[tuple[VirtualRobot, VirtualPorts, DynamixelBackend]]:
-    virtual = VirtualRobot(Simulation(robot), powered=True)
-    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        yield virtual, ports, make_driver(robot, ports)
-
-
 def run(driver: DynamixelBackend | SafetyGuard, cycles: int) -> State:
     for _ in range(cycles):
         state = driver.read()
         driver.write(Command.limp(driver.robot.n))
-        settle(driver.backend if isinstance(driver, SafetyGuard) else driver)
+        # Until the bus has passed the period: an IMU on a line of its own is asked at once then.
+        for chain in (driver.backend if isinstance(driver, SafetyGuard) else driver).chains:
+            wait_until(chain.bus.port._is_handled)
     return state
-
-
-def settle(driver: DynamixelBackend) -> None:
-    """Wait until the bus has passed the period: an IMU of its own line is asked at once then."""
-    for chain in driver.chains:
-        wait_until(chain.bus.port._is_handled)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -98,14 +71,14 @@ def settle(driver: DynamixelBackend) -> None:
 )
 def test_the_orientation_follows_a_robot_that_topples(tiny: Robot, kind: str):
     robot = with_imu(tiny, kind)
-    with driving(robot) as (virtual, ports, driver):
-        ports.main.call(lambda: virtual.place(TOPPLING))
-        with driver:
+    with serving(robot) as served:
+        served.call(lambda: served.virtual.place(TOPPLING))
+        with served.make_driver() as driver:
             for _ in range(2):  # falls, then rests
                 state = run(driver, 120)
-                model, truth = virtual.simulation.model, virtual.simulation.truth.posture
-                message = torso_orientation(robot, model, state.orientation)
-                gravity = replace(TOPPLING, orientation=message).gravity_b
+                simulation = served.virtual.simulation
+                found = torso_orientation(robot, simulation.model, state.orientation)
+                gravity, truth = quaternion.gravity_in_body(found), simulation.truth.posture
                 assert gravity == pytest.approx(truth.gravity_b, abs=0.06)
             newest = 2 * robot.control_period
             wait_until(lambda: run(driver, 1).imu_age <= newest)
@@ -113,10 +86,10 @@ def test_the_orientation_follows_a_robot_that_topples(tiny: Robot, kind: str):
 
 @pytest.mark.parametrize("kind", ["BNO08x UART-RVC", "BNO055 on I2C"])
 def test_the_guard_switches_torque_off_when_the_imu_falls_silent(tiny: Robot, kind: str):
-    with driving(with_imu(tiny, kind)) as (virtual, ports, driver), SafetyGuard(driver) as guard:
+    with serving(with_imu(tiny, kind)) as served, SafetyGuard(served.make_driver()) as guard:
         run(guard, 10)
-        assert guard.fault is None and virtual.imu is not None
-        ports.main.call(lambda: setattr(virtual.imu, "alive", False))
+        assert guard.fault is None and served.virtual.imu is not None
+        served.call(lambda: setattr(served.virtual.imu, "alive", False))
         run(guard, 60)
         assert guard.fault is not None and guard.fault.kind is FaultKind.LOST_IMU
 
@@ -126,9 +99,9 @@ def test_the_imu_of_a_held_robot_is_not_frozen_where_servos_turn_faster_than_joi
     coupling = Coupling(joints=(0, 1), matrix=np.array([[2.4, -1.7], [2.4, 1.7]]))
     robot = replace(with_imu(tiny, "BNO055 on I2C"), couplings=(coupling,))
     in_the_air = replace(robot.standing, position=robot.standing.position + np.array([0, 0, 0.5]))
-    with driving(robot) as (virtual, ports, driver):
-        ports.main.call(lambda: virtual.hold(in_the_air))
-        with driver:
+    with serving(robot) as served:
+        served.call(lambda: served.virtual.hold(in_the_air))
+        with served.make_driver() as driver:
             target = driver.read().joint_pos.copy()
             for _ in range(100):
                 target[0] += 0.6 * robot.control_period
@@ -140,11 +113,9 @@ def test_the_imu_of_a_held_robot_is_not_frozen_where_servos_turn_faster_than_joi
 
 def test_a_board_may_power_the_servos_of_a_robot_whose_imu_is_elsewhere(tiny: Robot):
     robot = replace(tiny, imu=KINDS["BNO08x on I2C"])
-    virtual = VirtualRobot(Simulation(robot))
-    serving = VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP)
-    with serving as ports, make_driver(robot, ports) as driver:
-        assert all(servo.powered for servo in virtual.servos)
-        ports.main.call(lambda: setattr(virtual.board, "alive", False))
+    with serving(robot, powered=False) as served, served.make_driver() as driver:
+        assert all(servo.powered for servo in served.virtual.servos)
+        served.call(lambda: setattr(served.virtual.board, "alive", False))
         assert run(driver, 30).imu_age == 0.0
 
 

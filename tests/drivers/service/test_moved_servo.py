@@ -8,8 +8,6 @@ import pytest
 from desk import BAUD, LIMITED, make_desk, serving_desk
 
 from drivers.control_loop import Ending, engaged, run_engaged
-from drivers.dynamixel.backend import DynamixelBackend
-from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.errors import SetupError
 from drivers.safety_guard import SafetyGuard
@@ -69,8 +67,7 @@ def test_a_key_pressed_before_a_move_stops_it_and_a_target_beyond_the_range_is_r
 
 def test_the_driver_moves_a_servo_and_leaves_it_limp():
     with serving_desk((3, "XM430-W350")) as served:
-        driver = DynamixelBackend(served.robot, served.path, clock=CycleClock(), without_imu=True)
-        moved, report, _ = play(SafetyGuard(driver), MOVE)
+        moved, report, _ = play(SafetyGuard(served.make_driver(without_imu=True)), MOVE)
         assert report.ending is Ending.DONE
         assert moved.angle == pytest.approx(0.5, abs=0.03)
         assert served.peek("torque_enable") == [0]

@@ -10,9 +10,7 @@ from desk import BAUD, make_desk, opening, serving_desk
 from memory_rig import Rig
 
 from drivers.dynamixel import startup
-from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.bus import TRIES, DynamixelBus
-from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.protocol2 import Reset, Status
 from drivers.dynamixel.robot_ports import find_bus
 from drivers.errors import DriverError, SetupError
@@ -26,13 +24,6 @@ from drivers.state import Command
 from drivers.virtual_bus.devices.device import Quirks
 
 KINDS = {"AX-12A": "1.0", "MX-28(1.0)": "1.0", "XL-320": "2.0", "STS3215-C018": "feetech"}
-
-
-def make_driver(desk: Served) -> DynamixelBackend:
-    options = DriverOptions(make_port=desk.make_port)
-    return DynamixelBackend(
-        desk.robot, desk.path, clock=CycleClock(), without_imu=True, options=options
-    )
 
 
 @pytest.fixture(autouse=True)
@@ -126,7 +117,7 @@ def test_a_servo_that_does_not_confirm_what_is_written_is_set_up(
     monkeypatch.setattr(startup, "BOOT_TIME", 0.1)
     with serving_desk((1, model)) as desk:
         desk.poke("servo_1", "status_return_level", level)
-        backend = make_driver(desk)
+        backend = desk.make_driver(without_imu=True)
         backend.connect()
         table = backend.diagnostics.servos[0].table
         assert desk.peek("status_return_level") == [table.all_answered]

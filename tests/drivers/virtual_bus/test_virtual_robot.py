@@ -7,16 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bus_stories import serving
 from spoiling import spoil
 
 from drivers import Backend, Command, SafetyGuard, State, Twin
-from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
-from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.errors import SetupError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Posture, Robot, load_robot
 from robots.servo import RAD_PER_TICK, LimitMode
@@ -64,28 +61,17 @@ def test_so_they_do_where_a_robot_hits_the_ground(op3: Robot):
     assert_one_path(op3, "current", None, replace(op3.standing, position=np.array([0.0, 0.0, 0.6])))
 
 
-def make_driver(
-    robot: Robot, ports: VirtualPorts, limit_by: LimitMode | None = None
-) -> DynamixelBackend:
-    """Make a driver that no busy computer makes miss a reply."""
-    options = DriverOptions(make_port=ports.make_port)
-    return DynamixelBackend(
-        robot, ports.paths, clock=CycleClock(), limit_by=limit_by, options=options
-    )
-
-
 def assert_one_path(
     robot: Robot, limit_by: LimitMode, torque_limit: float | None, start: Posture | None = None
 ) -> None:
     """Swing a robot's joints on its twin and on a virtual bus: both measure the same."""
     twin = Twin(robot, start, limit_by=limit_by)
     by_twin = thrash(twin, CYCLES, torque_limit)
-    virtual = VirtualRobot(Simulation(robot))
-    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = make_driver(robot, ports, limit_by)
+    with serving(robot, powered=False) as served:
+        driver = served.make_driver(limit_by=limit_by)
         with driver:
             pass  # the first connection waits for the servos' power, and that takes time
-        ports.main.call(lambda: virtual.place(start or robot.standing))
+        served.call(lambda: served.virtual.place(start or robot.standing))
         by_bus = thrash(driver, CYCLES, torque_limit)
     same = ("joint_pos", "joint_vel", "gyro", "orientation", "temperature", "joint_age", "alert")
     for name in same:
@@ -135,17 +121,16 @@ def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
     assert tiny.bus.board is not None
     board = replace(tiny.bus.board, port=tiny.joint_names[0])
     robot = replace(tiny, bus=replace(tiny.bus, ports=ports, board=board))
-    virtual = VirtualRobot(Simulation(robot))
-    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as served:
-        assert sorted(served.paths) == ["l_hip", "r_hip"]
-        driver = make_driver(robot, served)
-        with SafetyGuard(driver) as guard:
-            begun = served.main.time
+    with serving(robot, powered=False) as served:
+        assert sorted(served.virtual.chains) == ["l_hip", "r_hip"]
+        physics = served.virtual.physics
+        with SafetyGuard(served.make_driver()) as guard:
+            begun = served.call(lambda: physics.time)
             for _ in range(60):
                 guard.read()
                 guard.write(Command.position(robot, np.array([0.2, -0.2])))
             reached = guard.read()
-            passed = served.main.time - begun
+            passed = served.call(lambda: physics.time) - begun
     assert reached.joint_pos == pytest.approx([0.2, -0.2], abs=0.05)
     assert reached.age == 0.0
     assert passed == pytest.approx(60 * robot.control_period)

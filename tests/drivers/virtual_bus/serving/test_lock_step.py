@@ -3,6 +3,7 @@
 import time
 
 import pytest
+from bus_stories import serving
 from fake_devices import FakeDevices
 from fake_wire import FakeWire, exchange_with
 from hypothesis import given
@@ -10,16 +11,10 @@ from hypothesis import strategies as st
 
 from drivers import Command
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
-from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet, Span
-from drivers.twin.simulation import Simulation
-from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
 from drivers.virtual_bus.devices.chain import X_SERIES, Chain
 from drivers.virtual_bus.serving.fault_injector import LineFault
 from drivers.virtual_bus.serving.lock_step import QUIET, LockStep
-from drivers.virtual_bus.virtual_ports import LockStepPort
-from robots import Robot
 
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s
@@ -103,28 +98,17 @@ def test_a_cycle_ends_where_a_sync_write_covers_the_whole_goal(address: int, len
 # The client's port -------------------------------------------------------------------------------
 
 
-BUSY = 0.3  # s for which the computer has no time for the bus: longer than a driver waits
-
-
-@pytest.fixture
-def ports(tiny: Robot):
-    virtual = VirtualRobot(Simulation(tiny), powered=True)
-    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        yield ports
-
-
-def test_a_bus_without_a_processor_loses_no_reply(tiny, ports, monkeypatch):
+def test_a_bus_without_a_processor_loses_no_reply(tiny, monkeypatch):
     handle, left = Chain.handle, [0]
 
     def handle_late(self, *arguments, **named):
         if left[0]:
             left[0] -= 1
-            time.sleep(BUSY)
+            time.sleep(0.3)  # longer than a driver waits
         return handle(self, *arguments, **named)
 
     monkeypatch.setattr(Chain, "handle", handle_late)
-    options = DriverOptions(make_port=ports.make_port)
-    with DynamixelBackend(tiny, ports.paths, clock=CycleClock(), options=options) as driver:
+    with serving(tiny) as served, served.make_driver() as driver:
         state = driver.read()
         driver.write(Command.position(tiny, state.joint_pos))
         left[0] = 1
@@ -132,14 +116,12 @@ def test_a_bus_without_a_processor_loses_no_reply(tiny, ports, monkeypatch):
         assert [line.lost for line in driver.statistics.values()] == [0]
 
 
-def test_what_does_not_come_is_not_waited_for(ports):
-    port = ports.make_port(ports.main.path, 1_000_000)
-    assert isinstance(port, LockStepPort)
-    port.open()
-    try:
+def test_what_does_not_come_is_not_waited_for(tiny):
+    with serving(tiny) as served:
+        port = served.make_port(served.path)
+        port.open()
         begin = time.monotonic()
         port.write(protocol2.ping(250).encode())  # a ping of an id that is not there
         assert port.read(begin + 1000.0) == b""
-    finally:
         port.close()
     assert time.monotonic() - begin < 100.0, "it ended before the deadline"

@@ -99,9 +99,7 @@ def turn(backend: Backend, command: Command, cycles: int = 1) -> Command:
     return sent
 
 
-def test_it_works_only_while_connected_and_connecting_and_closing_twice_is_harmless(
-    backend: Backend,
-):
+def test_it_works_only_while_connected_and_connecting_and_closing_twice_is_harmless(backend):
     with pytest.raises(NotConnectedError):
         backend.read()
     backend.connect()

@@ -300,10 +300,7 @@ def test_a_servo_that_comes_at_top_speed_passes_the_end_of_its_range_by_a_tick_a
     assert 0.95 < farthest < 1.0 + RAD_PER_TICK
 
 
-@given(
-    lower=st.floats(-4.0, 4.0),
-    width=st.floats(0.0, 4.0),
-)
+@given(lower=st.floats(-4.0, 4.0), width=st.floats(0.0, 4.0))
 @settings(max_examples=60, deadline=None)
 def test_a_range_is_taken_only_within_that_of_its_joint(lower, width):
     upper = lower + width

@@ -9,13 +9,7 @@ import time
 import pytest
 import serial
 
-from drivers.serial_port import (
-    SDK,
-    PortError,
-    PortLostError,
-    SerialPort,
-    is_pseudo_terminal,
-)
+from drivers.serial_port import SDK, PortError, PortLostError, SerialPort, is_pseudo_terminal
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 PORTS = ("", SDK)

@@ -67,9 +67,7 @@ def has_torque(served: RealTimeRobot) -> list[bool]:
     return [motor.motor_command().torque_on for motor in served.physics.motors]
 
 
-def test_after_a_suspension_the_robot_is_held_where_it_is_and_obeys_on(
-    program: subprocess.Popen[str], served: RealTimeRobot
-):
+def test_after_a_suspension_the_robot_is_held_where_it_is_and_obeys_on(program, served):
     wait_until(lambda: all(has_torque(served)))
     program.send_signal(signal.SIGSTOP)
     time.sleep(0.6)
@@ -82,9 +80,7 @@ def test_after_a_suspension_the_robot_is_held_where_it_is_and_obeys_on(
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGTSTP])
-def test_a_signal_ends_the_program_with_torque_off(
-    number: signal.Signals, program: subprocess.Popen[str], served: RealTimeRobot
-):
+def test_a_signal_ends_the_program_with_torque_off(number, program, served):
     wait_until(lambda: all(has_torque(served)))
     program.send_signal(number)
     _, errors = program.communicate(timeout=60.0)
@@ -92,9 +88,7 @@ def test_a_signal_ends_the_program_with_torque_off(
     assert not any(has_torque(served))
 
 
-def test_a_second_interrupt_does_not_cut_off_the_release(
-    program: subprocess.Popen[str], served: RealTimeRobot
-):
+def test_a_second_interrupt_does_not_cut_off_the_release(program, served):
     wait_until(lambda: all(has_torque(served)))
     for _ in range(5):
         program.send_signal(signal.SIGINT)

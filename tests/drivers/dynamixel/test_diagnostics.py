@@ -9,12 +9,7 @@ from memory_rig import Rig
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.diagnostics import (
-    ServoFacts,
-    Severity,
-    check_servo,
-    diagnose,
-)
+from drivers.dynamixel.diagnostics import ServoFacts, Severity, check_servo, diagnose
 from drivers.dynamixel.protocol2 import Instruction
 from drivers.dynamixel.startup import locate
 from drivers.virtual_bus.devices.sensors import Measured

@@ -45,9 +45,7 @@ def test_instructions_are_the_published_bytes_and_are_read_back():
 
 
 @given(
-    device=st.integers(0, 253),
-    address=st.integers(0, 255),
-    data=st.binary(min_size=1, max_size=20),
+    device=st.integers(0, 253), address=st.integers(0, 255), data=st.binary(min_size=1, max_size=20)
 )
 def test_each_frame_is_that_of_the_vendors_encoders(device: int, address: int, data: bytes):
     handler, port = dynamixel_sdk.Protocol1PacketHandler(), RecordingPort()
@@ -66,9 +64,7 @@ statuses = st.builds(Status, st.integers(0, 253), st.just(0), st.binary(max_size
 
 
 @given(parts=st.lists(st.tuples(noise, statuses), max_size=6), seed=st.integers(0, 2**32))
-def test_replies_are_found_however_the_stream_is_cut_and_whatever_lies_between(
-    parts: list[tuple[bytes, Status]], seed: int
-):
+def test_replies_are_found_however_the_stream_is_cut_and_whatever_lies_between(parts, seed):
     stream = b"".join(noise + PROTOCOL_1.encode_status(status) for noise, status in parts)
     rng, parser, found = random.Random(seed), PROTOCOL_1.parse_replies(), []
     while stream:

@@ -113,9 +113,7 @@ quiet_noise = st.binary(max_size=20).map(lambda data: data.replace(b"\xff", b"\x
 
 
 @given(parts=st.lists(st.tuples(quiet_noise, packets), max_size=6), seed=st.integers(0, 2**32))
-def test_frames_are_found_however_the_stream_is_cut_and_whatever_lies_between(
-    parts: list[tuple[bytes, Packet]], seed: int
-):
+def test_frames_are_found_however_the_stream_is_cut_and_whatever_lies_between(parts, seed):
     stream = b"".join(noise + packet.encode() for noise, packet in parts)
     rng, parser, found = random.Random(seed), FrameParser(), []
     while stream:
@@ -146,9 +144,7 @@ def test_a_frame_behind_or_inside_a_damaged_one_is_found():
 
 
 @given(sent=st.lists(packets, min_size=1, max_size=4), data=st.data())
-def test_flipped_bits_never_make_a_packet_whose_crc_does_not_hold(
-    sent: list[Packet], data: st.DataObject
-):
+def test_flipped_bits_never_make_a_packet_whose_crc_does_not_hold(sent, data):
     stream = bytearray(b"".join(packet.encode() for packet in sent))
     for bit in data.draw(st.lists(st.integers(0, 8 * len(stream) - 1), min_size=1, max_size=12)):
         stream[bit // 8] ^= 1 << bit % 8
@@ -177,9 +173,7 @@ fast_answers = st.lists(statuses, min_size=1, max_size=6)
 
 
 @given(answers=fast_answers, data=st.data())
-def test_of_a_cut_or_damaged_fast_status_the_parts_before_are_whole(
-    answers: list[Status], data: st.DataObject
-):
+def test_of_a_cut_or_damaged_fast_status_the_parts_before_are_whole(answers, data):
     frame = bytearray(encode_fast_status(answers))
     lengths = [len(a.data) for a in answers]
     ends = list(itertools.accumulate((4 + n for n in lengths), initial=PREFIX + 1))[1:]

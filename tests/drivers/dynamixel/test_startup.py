@@ -260,9 +260,7 @@ def test_whatever_was_written_before_all_registers_are_set(bench: Bench):
 @pytest.mark.parametrize(
     ("item", "changed"), [("return_delay_time", 250), ("drive_mode", 4), ("operating_mode", 3)]
 )
-def test_a_servo_that_may_have_restarted_is_read_again_before_it_is_set_up(
-    bench: Bench, item: str, changed: int
-):
+def test_a_servo_that_may_have_restarted_is_read_again_before_it_is_set_up(bench, item, changed):
     """What was known of it may be of another servo, that was changed meanwhile."""
     bench.setup().run(bench.bus)
     setup = bench.setup(recheck=True)

@@ -36,14 +36,8 @@ class Bus:
             return clock.describe_lag()
 
 
-@given(
-    tick=st.integers(0, 32767),
-    seconds=st.floats(0.5, 300.0),
-    rate=st.floats(0.95, 1.0),
-)
-def test_a_lag_is_measured_whenever_the_servos_clock_begins_again(
-    tick: int, seconds: float, rate: float
-):
+@given(tick=st.integers(0, 32767), seconds=st.floats(0.5, 300.0), rate=st.floats(0.95, 1.0))
+def test_a_lag_is_measured_whenever_the_servos_clock_begins_again(tick, seconds, rate):
     said, lag = Bus(tick, rate).lag_after(seconds), (1.0 - rate) * seconds
     if lag > LEAST_LAG + 0.002:
         assert f"fell {lag:.1f} s behind" in said or abs(lag * 10 % 1 - 0.5) < 0.02

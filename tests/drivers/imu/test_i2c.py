@@ -304,9 +304,7 @@ def test_what_is_no_bus_is_named_in_one_line(kind: str, tmp_path: Path):
                 source.open()
 
 
-def test_a_late_reply_is_not_taken_for_that_to_the_next_transfer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_late_reply_is_not_taken_for_that_to_the_next_transfer(tmp_path, monkeypatch):
     monkeypatch.setattr(i2c, "TIMEOUT", 0.5)
     line = I2cLine(make_chip("bno055"), 0x28, link=tmp_path / "bus")
     stuck, chip = CallQueue(), SocketI2cChip(line.path, 0x28)
@@ -337,9 +335,7 @@ def test_a_path_is_a_bus_of_linux_or_a_socket(tmp_path: Path):
     assert isinstance(choose_chip(settings, str(tmp_path / "link")), LinuxI2cChip)
 
 
-def test_a_path_in_use_or_not_to_be_written_is_refused_and_a_dead_one_replaced(
-    tmp_path: Path,
-):
+def test_a_path_in_use_or_not_to_be_written_is_refused_and_a_dead_one_replaced(tmp_path: Path):
     make_line = lambda link: I2cLine(make_chip("bno055"), 0x28, link=link)  # noqa: E731
     line, file, kept = make_line(tmp_path / "bus"), tmp_path / "file", tmp_path / "kept"
     file.write_text("mine")

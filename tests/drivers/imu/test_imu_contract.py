@@ -77,9 +77,7 @@ def test_a_slow_line_delivers_its_samples_some_cycles_later(kind: str):
 
 
 @pytest.mark.parametrize("kind", SERIAL)
-def test_an_unplugged_sensor_raises_nothing_and_comes_back(
-    kind: str, monkeypatch: pytest.MonkeyPatch
-):
+def test_an_unplugged_sensor_raises_nothing_and_comes_back(kind, monkeypatch):
     monkeypatch.setattr("drivers.imu.source.REOPEN_EVERY", 0.0)
     bench = ImuBench(KINDS[kind])
     assert bench.port is not None and bench.port.is_open
@@ -134,9 +132,7 @@ def test_junk_on_the_line_is_no_sample_and_no_error(kind: str, junk: list[bytes]
     assert bench.first().accelerometer[2] == pytest.approx(GRAVITY, abs=0.02)
 
 
-def test_another_chip_is_named_by_its_id_and_one_that_does_not_answer_too(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_another_chip_is_named_by_its_id_and_one_that_does_not_answer_too(monkeypatch):
     monkeypatch.setattr("drivers.imu.bno055.FIRST_SAMPLE", 0.02)
     for kind in ("bno055", "bno08x"):
         settings = ImuSettings(kind=kind, connection="i2c")

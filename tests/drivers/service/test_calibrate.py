@@ -47,9 +47,7 @@ def turn(bench: ServiceBench, joint: str, ticks: float) -> None:
     bench.servo(joint).sense(Measured(ticks=ticks))
 
 
-def test_positions_are_those_of_the_registers_and_zeros_follow_from_them(
-    bench: ServiceBench,
-):
+def test_positions_are_those_of_the_registers_and_zeros_follow_from_them(bench: ServiceBench):
     with bench.open() as bus:
         turn(bench, "l_hip", 1234.0)
         turn(bench, "r_hip", 3000.0)
@@ -78,9 +76,7 @@ def shaking(bench: ServiceBench, ticks: list[int]) -> Callable:
     return spoil
 
 
-def test_of_small_movements_the_median_counts_and_large_ones_are_refused(
-    bench: ServiceBench,
-):
+def test_of_small_movements_the_median_counts_and_large_ones_are_refused(bench: ServiceBench):
     with bench.open() as bus:
         turn(bench, "l_hip", 2000)
         bench.port.spoil = shaking(bench, [2000, 2001, 2004, 2000])

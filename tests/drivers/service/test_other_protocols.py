@@ -111,9 +111,7 @@ def test_nothing_changes_where_it_does_not_confirm_that_it_is_unlocked(feetech, 
     ("model", "level"),
     [("AX-12A", 0), ("XL-320", 0), ("AX-12A", 1), ("XL-320", 1), ("STS3215-C018", 0)],
 )
-def test_a_servo_that_does_not_confirm_what_is_written_is_set_up(
-    model: str, level: int, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_servo_that_does_not_confirm_what_is_written_is_set_up(model, level, monkeypatch):
     monkeypatch.setattr(startup, "BOOT_TIME", 0.1)
     with serving_desk((1, model)) as desk:
         desk.poke("servo_1", "status_return_level", level)
@@ -188,9 +186,7 @@ def test_what_a_servo_cannot_is_refused_with_what_to_do():
         find_bus(make_desk((1, "AX-12A"), (2, "XL430-W250")))
 
 
-def test_a_scan_lists_a_servo_of_an_unknown_model_and_one_whose_protocol_is_unclear(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_a_scan_lists_a_servo_of_an_unknown_model_and_one_whose_protocol_is_unclear(monkeypatch):
     with serving_desk((1, "AX-12A"), (3, "AX-12A"), (4, "AX-12A")) as desk:
         desk.poke("servo_3", "model_number", 300)  # an AX-12W
         read = sweep_module._read_first
@@ -212,9 +208,7 @@ def test_a_scan_lists_a_servo_of_an_unknown_model_and_one_whose_protocol_is_uncl
             assert bus.wire is sweep_module.FEETECH
 
 
-def test_no_id_is_swept_where_a_servo_speaks_protocol_2_at_another_rate(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_no_id_is_swept_where_a_servo_speaks_protocol_2_at_another_rate(monkeypatch):
     monkeypatch.setattr(sweep_module, "_hear", lambda *_: pytest.fail("an id is swept"))
     with serving_desk((1, "XL430-W250")) as desk:
         rates = (57_600, BAUD)

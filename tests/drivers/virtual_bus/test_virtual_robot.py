@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -45,9 +44,7 @@ def test_twin_and_virtual_bus_give_one_path_whatever_turns_a_joint_and_limits_it
     assert_one_path(request.getfixturevalue(body), limit_by, 1.1)
 
 
-def test_so_they_do_with_other_servos_and_gains_and_a_period_that_2_ms_do_not_divide(
-    own_robot: Path,
-):
+def test_so_they_do_with_other_servos_and_gains_and_a_period_that_2_ms_do_not_divide(own_robot):
     old = 'id = 2, servo = "XM430-W350"'
     spoil(own_robot, old, 'id = 2, servo = "XM430-W210", p_gain = 900')
     spoil(own_robot, "control_period = 0.008", "control_period = 0.0125")

@@ -2,7 +2,6 @@
 
 import re
 import struct
-from collections.abc import Callable
 from functools import partial
 
 import pytest
@@ -257,9 +256,7 @@ def test_a_factory_reset_keeps_what_it_is_asked_to(kept: Reset):
 
 @pytest.mark.parametrize("make", [VirtualServo, partial(PlainServo, model="MX-28(1.0)")])
 @given(time=st.floats(0.0, 1e5))
-def test_the_realtime_tick_counts_milliseconds_and_wraps(
-    make: Callable[[int], VirtualServo | PlainServo], time: float
-):
+def test_the_realtime_tick_counts_milliseconds_and_wraps(make, time):
     servo = make(1)
     servo.advance(time)
     assert servo.peek("realtime_tick") == int(time * 1000.0) % 32768

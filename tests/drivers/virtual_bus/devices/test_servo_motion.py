@@ -10,11 +10,7 @@ from nonempty import nonempty
 from wire_talk import powered, read, sense, write
 
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
-from drivers.virtual_bus.devices.profile import (
-    ProfileShape,
-    ProfileTrajectory,
-    plan_by_velocity,
-)
+from drivers.virtual_bus.devices.profile import ProfileShape, ProfileTrajectory, plan_by_velocity
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import CLEAR_TURNS, VirtualServo
 

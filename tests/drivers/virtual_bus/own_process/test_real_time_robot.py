@@ -108,9 +108,7 @@ def test_an_imu_on_a_line_of_its_own_measures_and_faults_of_a_schedule_reach_the
         assert served.running
 
 
-def test_a_folder_that_cannot_be_made_is_no_fault_of_the_bus(
-    tiny: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_folder_that_cannot_be_made_is_no_fault_of_the_bus(tiny, tmp_path, monkeypatch):
     deep = os.fspath(tmp_path)
     while len(deep) < 4080:  # room for the trial of a folder for temporary files, not for a bus
         deep = f"{deep}/{'x' * min(200, 4084 - len(deep))}"

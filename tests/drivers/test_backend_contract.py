@@ -92,7 +92,6 @@ def backend(case: tuple[str, str], robot: Robot) -> Iterator[Backend]:
 
 
 def turn(backend: Backend, command: Command, cycles: int = 1) -> Command:
-    """Run some periods of one command; return what the last one sent."""
     for _ in range(cycles):
         backend.read()
         sent = backend.write(command)

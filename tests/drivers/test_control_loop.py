@@ -25,8 +25,6 @@ from drivers.real_time_class import in_real_time_class
 
 
 class Hold:
-    """Hold the robot where it is for some cycles."""
-
     def __init__(self, robot, cycles=10**9, spoil=None):
         self.robot, self.cycles, self.spoil = robot, cycles, spoil
         self.steps = 0

@@ -16,7 +16,6 @@ from drivers.real_time_class import LOOP_PRIORITY, enter_real_time_class, in_rea
 
 @pytest.fixture(autouse=True)
 def default_handler() -> Iterator[None]:
-    """Let SIGINT raise, whatever a command that ran in this process has made of it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -80,7 +79,6 @@ def test_a_robot_is_released_completely(tiny, monkeypatch, method):
 
 
 def find_class() -> int:
-    """Return the class of this thread, without the flag for its children."""
     return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
 
 
@@ -98,17 +96,12 @@ def test_a_thread_is_in_the_class_while_the_block_runs():
         assert is_in
         assert find_class() == os.SCHED_FIFO
         assert os.sched_getparam(0).sched_priority == LOOP_PRIORITY
+        with in_real_time_class(8) as is_in:  # it stays as it is
+            assert is_in
+            assert os.sched_getparam(0).sched_priority == LOOP_PRIORITY
+        assert find_class() == os.SCHED_FIFO
         raise RuntimeError("meanwhile")
     assert find_class() == before
-
-
-@pytest.mark.usefixtures("permitted")
-def test_a_thread_that_is_in_a_real_time_class_stays_as_it_is():
-    with in_real_time_class(7):
-        with in_real_time_class(8) as is_in:
-            assert is_in
-            assert os.sched_getparam(0).sched_priority == 7
-        assert find_class() == os.SCHED_FIFO
 
 
 def test_without_permission_a_thread_stays_where_it_is(monkeypatch: pytest.MonkeyPatch):

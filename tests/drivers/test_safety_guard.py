@@ -225,7 +225,6 @@ def make_guard(limits: GuardLimits | None = None, joint_pos: float = 0.0, time: 
 
 
 def turn_at(guard: SafetyGuard, backend: RecordingBackend, target: float, time: float) -> Command:
-    """Run one cycle that measures at a time."""
     backend.state = replace(backend.state, time=time)
     guard.read()
     return guard.write(hold(target))

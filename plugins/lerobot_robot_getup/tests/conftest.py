@@ -26,8 +26,6 @@ def lerobot_home(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.M
 
 @pytest.fixture
 def make(tmp_path: Path) -> Callable[..., GetupRobot]:
-    """Make a robot that is not connected."""
-
     def make(**options) -> GetupRobot:
         return GetupRobot(GetupRobotConfig(id="test", calibration_dir=tmp_path, **options))
 
@@ -36,7 +34,6 @@ def make(tmp_path: Path) -> Callable[..., GetupRobot]:
 
 @pytest.fixture
 def connect(make: Callable[..., GetupRobot]) -> Iterator[Callable[..., GetupRobot]]:
-    """Make a connected robot, a twin that is as fast as the computer; it ends with the test."""
     robots: list[GetupRobot] = []
 
     def connect(**options) -> GetupRobot:

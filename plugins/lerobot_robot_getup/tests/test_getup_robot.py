@@ -39,7 +39,6 @@ def targets_of(robot: GetupRobot) -> np.ndarray:
 
 
 def move(robot: GetupRobot, **numbers: float) -> None:
-    """Send targets until the joints are there."""
     action = {f"{name}.pos": number for name, number in numbers.items()}
 
     def has_arrived() -> bool:

@@ -21,12 +21,8 @@ def test_angles_survive_the_trip_through_numbers():
             numbers = units.from_angles(angles)
             assert np.allclose(units.to_angles(numbers), angles, atol=1e-12), name
             assert np.allclose(np.radians(numbers), angles) == use_degrees
-
-
-def test_the_ends_of_a_range_are_a_hundred(op3: Robot):
-    units = JointUnits(op3, use_degrees=False)
-    assert np.allclose(units.from_angles(op3.lower), -100.0)
-    assert np.allclose(units.from_angles(op3.upper), 100.0)
+        for end, percent in ((robot.lower, -100.0), (robot.upper, 100.0)):
+            assert np.allclose(units.from_angles(end), percent)
 
 
 def test_numbers_of_the_range_are_those_of_lerobots_own_bus(op3: Robot):

@@ -16,14 +16,12 @@ LONGEST = 400.0  # s; each program imports LeRobot for 10 to 30 s
 
 
 def list_lines() -> dict[str, str]:
-    """List the commands of the page by what they begin with."""
     text = "\n".join(re.findall(r"^```\n(.*?)^```$", PAGE.read_text("utf-8"), re.DOTALL | re.M))
     lines = text.replace("\\\n", " ").splitlines()
     return {line.split()[0]: line for line in lines if line.strip()}
 
 
 def run(line: str, folder: Path) -> str:
-    """Run a command of this environment in a folder; return what it prints."""
     program, *arguments = shlex.split(line)
     environment = os.environ | {"HF_LEROBOT_HOME": str(folder / "home"), "HF_HUB_OFFLINE": "1"}
     done = subprocess.run(

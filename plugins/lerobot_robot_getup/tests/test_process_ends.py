@@ -46,7 +46,6 @@ def served() -> Iterator[RealTimeRobot]:
 
 @pytest.fixture
 def program(served: RealTimeRobot, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    """A program that moves the virtual robot."""
     arguments = [str(TINY), served.paths["main"], str(tmp_path)]
     program = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, *arguments],

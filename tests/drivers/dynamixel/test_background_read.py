@@ -72,6 +72,8 @@ def test_the_cause_of_an_alert_is_read_at_once_and_further_causes_in_turn(rig: R
     servo.trip(HardwareError.OVERHEATING)
     state = rig.turn(Command.limp(2), 12)
     assert state.alert.tolist() == [HardwareError.OVERLOAD | HardwareError.OVERHEATING, 0]
+    servo.poke("hardware_error_status", 0)
+    assert not rig.turn(Command.limp(2), 2).alert.any(), "it is gone"
 
 
 @pytest.mark.parametrize("model", ["AX-12A", "XL-320", "STS3215-C018"])
@@ -89,8 +91,6 @@ OPENCR = BoardSettings(model="OpenCR", id=200, imu_axes=("y", "-x", "z"), powers
 
 
 class Bench:
-    """The driver's board and the virtual one."""
-
     def __init__(self) -> None:
         self.powered: list[bool] = []
         self.virtual = VirtualBoard(200, baud=BAUD, on_power=self.powered.append, settings=OPENCR)

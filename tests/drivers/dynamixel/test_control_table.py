@@ -108,12 +108,10 @@ OTHERS = {  # numbers of models that are not in them: e-manual, feetech-servo-sd
 
 
 def list_of(model: str) -> str:
-    """Name ROBOTIS' list of a model, as of its first firmware."""
     return model.removesuffix("(2.0)").lower().replace("-", "_") + ".model"
 
 
 def read_list(name: str) -> list[list[str]]:
-    """Read the last table of a file of ROBOTIS'."""
     text = LISTS.joinpath(name).read_text("utf-8").split("[control table]")[-1]
     return [line.split("\t") for line in text.strip().splitlines()[1:] if line]
 

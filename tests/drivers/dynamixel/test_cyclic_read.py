@@ -31,7 +31,6 @@ POSITION = 6  # offset in a group's bytes: current 2, velocity 4, position 4
 
 
 def list_facts(joint, tables: dict, firmwares: dict | None = None) -> list[ServoFacts]:
-    """List what is known of servos, by the table of each id."""
     joints = {i: replace(joint, servo=replace(joint.servo, id=i)) for i in tables}
     firmwares = firmwares or dict.fromkeys(tables, 46)
     return [
@@ -41,8 +40,6 @@ def list_facts(joint, tables: dict, firmwares: dict | None = None) -> list[Servo
 
 
 class Bench:
-    """A cyclic read of virtual servos, each at a tick of its own."""
-
     def __init__(self, joint, ids=IDS, firmwares=(46,), gap=ReadGap.CHAIN_BREAKS) -> None:
         quirks = Quirks(sync_gap=gap, fast_gap=gap)
         versions = dict(zip(ids, firmwares * len(ids), strict=False))
@@ -60,18 +57,15 @@ class Bench:
         self.cyclic = CyclicRead(self.bus, list_facts(joint, tables, versions))
 
     def turn(self, limit: float = np.inf) -> Replies:
-        """Read once; keep what was sent for it."""
         self.port.sent.clear()
         self.cyclic.begin()
         return self.cyclic.collect(limit)
 
     def turns(self, cycles: int) -> list[set[int]]:
-        """Read some times; return who replied in each cycle."""
         return [set(self.turn().devices.tolist()) for _ in range(cycles)]
 
     @property
     def requests(self) -> list[tuple[int, int, list[int]]]:
-        """Instruction, length and ids of the last cycle's group reads."""
         return [
             (
                 packet.instruction,
@@ -86,7 +80,6 @@ class Bench:
         self.servos[device].alive = not is_silent
 
     def mute(self, *instructions: int) -> None:
-        """Let nothing answer to some instructions."""
         self.port.spoil = lambda packet, replies: (
             [] if packet.instruction in instructions else replies
         )

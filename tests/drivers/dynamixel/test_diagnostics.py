@@ -23,7 +23,6 @@ WARNING, ERROR, FAULT = Severity.WARNING, Severity.ERROR, Severity.FAULT
 
 
 def powered(robot: Robot, firmware: int = 46) -> Rig:
-    """Make a robot whose servos have power and whose port is open."""
     rig = Rig(robot, firmware=firmware)
     rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
     rig.virtual.physics.advance(1.0)
@@ -65,7 +64,6 @@ def test_a_sound_bus_has_no_findings_tells_what_is_there_and_is_only_read(rig):
         ("max_voltage_limit", 130, WARNING, "servo write max_voltage_limit=160 --id ID"),
         ("drive_mode", 1, ERROR, "drive mode is 1, reversed"),
         ("hardware_error_status", 36, FAULT, "overheating and overload"),
-        ("homing_offset", -300, WARNING, "homing offset is -300 ticks"),
     ],
 )
 def test_each_thing_that_is_wrong_is_reported_with_a_remedy(rig, item, value, severity, words):
@@ -171,7 +169,6 @@ SOUND = {
 def check(
     joint: Joint, firmware: int = 46, model: str = "XM430-W350", **registers: int
 ) -> list[str]:
-    """Check a servo with these registers."""
     table = table_named(model, firmware)
     facts = ServoFacts(joint=joint, table=table, firmware=firmware, registers=SOUND | registers)
     return [str(finding) for finding in check_servo(facts)]

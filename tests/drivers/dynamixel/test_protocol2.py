@@ -35,7 +35,6 @@ def bitwise_crc(data: bytes) -> int:
 
 
 def frames_in(stream: bytes) -> set[bytes]:
-    """Cut out everything in a stream that is a frame by header, length and CRC."""
     found = set()
     for start in range(len(stream)):
         if stream[start : start + 4] == HEADER and len(stream) >= start + PREFIX:

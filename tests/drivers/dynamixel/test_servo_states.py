@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel.protocol2 import ALERT, Status
+from drivers.dynamixel.protocol2 import Status
 from drivers.dynamixel.requests import Replies
-from drivers.dynamixel.servo_states import ERROR, TORQUE, ServoStates
+from drivers.dynamixel.servo_states import TORQUE, ServoStates
 from robots.description.servo_catalog import servo_models
 
 RPM = 2.0 * np.pi / 60.0
@@ -120,18 +120,6 @@ def test_a_joint_that_was_turned_or_restarts_is_where_it_was_or_can_be(
     update(states, reply(1, before), reply(2, 1000), now=BEGIN)
     update(states, reply(1, register), now=BEGIN + 10.0)
     assert states.ticks[0] == ticks
-
-
-def test_an_alert_keeps_its_known_cause_until_it_is_gone(states):
-    update(states, reply(1, 2000, error=ALERT), reply(2, 1000))
-    assert states.alert.tolist() == [ALERT, 0]
-    states.update_background(0, ERROR, bytes((4,)))
-    update(states, reply(1, 2000, error=ALERT), reply(2, 1000, error=ALERT), now=BEGIN + PERIOD)
-    assert states.alert.tolist() == [4, ALERT]
-    update(states, reply(1, 2000), reply(2, 1000, error=ALERT), now=BEGIN + 2 * PERIOD)
-    assert states.alert.tolist() == [0, ALERT]
-    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN + 3 * PERIOD)
-    assert states.alert.tolist() == [0, 0]
 
 
 def torque_reply(*has_torque: int) -> Replies:

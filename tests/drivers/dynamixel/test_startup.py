@@ -212,8 +212,6 @@ EEPROM = {
 
 
 class Bench:
-    """A servo as it left the factory, and the bus that it is on."""
-
     def __init__(self, robot: Robot) -> None:
         self.joint = robot.joints[0]
         self.servo = VirtualServo(self.joint.servo.id, firmware=46, baud=BAUD)

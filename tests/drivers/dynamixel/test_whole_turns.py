@@ -19,7 +19,6 @@ SHARES = st.lists(st.floats(0.0, 1.0), min_size=30, max_size=30)
 
 @pytest.fixture(scope="module")
 def toddlerbot() -> Robot:
-    """It has a differential of 2.4 turns, gears, and joints that turn right round."""
     return load_robot("toddlerbot")
 
 
@@ -109,14 +108,6 @@ def test_quantized_angles_are_whole_ticks_and_half_a_tick_away_at_most(units: Se
     fraction = units.to_fractional_ticks(quantized)
     assert fraction == pytest.approx(np.rint(fraction), abs=1e-6)
     assert np.array_equal(units.to_rad(units.to_ticks(joint_pos)), quantized)
-
-
-@given(angles=ANGLES)
-def test_a_goal_inside_its_range_stays_inside_when_it_is_rounded(units: ServoUnits, tiny, angles):
-    goal = np.clip(np.array(angles), tiny.lower, tiny.upper)
-    rounded = units.round_goal(goal)
-    assert np.all(rounded >= tiny.lower) and np.all(rounded <= tiny.upper)
-    assert np.abs(rounded - goal).max() < 2.0 * np.pi / 4096
 
 
 def test_goals_of_position_mode_are_one_turn():

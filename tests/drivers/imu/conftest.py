@@ -24,7 +24,6 @@ class CountedTime:
 
 @pytest.fixture(scope="module")
 def counted_time() -> Iterator[CountedTime]:
-    """Let the drivers of IMUs count their time."""
     clock = CountedTime()
     with pytest.MonkeyPatch.context() as patch:
         for module in MODULES:

@@ -38,7 +38,6 @@ def test_a_bno055_answers_frames_as_its_data_sheet_shows():
 
 
 def bno055(*frames: str, reading: ImuReading = READING) -> VirtualBno055:
-    """Make a chip that has heard some frames, then measured."""
     chip = VirtualBno055()
     for frame in frames:
         assert chip.receive(bytes.fromhex(frame)) == bytes.fromhex("EE 01")
@@ -47,7 +46,6 @@ def bno055(*frames: str, reading: ImuReading = READING) -> VirtualBno055:
 
 
 def counts_of(chip: VirtualBno055, register: int) -> list[int]:
-    """Read three counts from a register on."""
     return np.frombuffer(chip.transfer(bytes([register]), 6), "<i2").tolist()
 
 
@@ -96,7 +94,6 @@ def test_a_packet_read_in_parts_is_the_packet_read_at_once(sizes: list[int]):
 
 
 def set_feature(chip: VirtualBno08xI2c, sensor: int, interval: int) -> None:
-    """Ask for the reports of a sensor, an interval [µs] apart."""
     feature = bytes.fromhex(f"FD {sensor:02X} 00 0000") + interval.to_bytes(4, "little") + bytes(8)
     chip.transfer(bytes([21, 0, 2, 0]) + feature)
 
@@ -116,8 +113,6 @@ def test_a_bno08x_reports_as_often_as_it_is_asked_to(interval: int):
 
 
 class MemoryChip(I2cChip):
-    """A chip that only remembers."""
-
     path = "memory"
 
     def __init__(self) -> None:
@@ -160,7 +155,6 @@ def test_the_driver_of_a_bno055_sets_and_reads_what_its_data_sheet_means():
 
 
 def cycles(source: ImuSource, count: int) -> list[ImuSample]:
-    """Poll a source once a period; return the samples."""
     samples = []
     for k in range(count):
         source.request(0.008 * k)

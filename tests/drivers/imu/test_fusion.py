@@ -23,13 +23,11 @@ UP = np.array([0.0, 0.0, GRAVITY])
 
 
 def sample(number: int, gyro: float = 0.0, **fields) -> ImuSample:
-    """Make a sample that turns about z [rad/s]."""
     counts = number.to_bytes(4, "little")
     return ImuSample(gyro=np.array([0, 0, gyro]), accelerometer=UP, counts=counts, **fields)
 
 
 def tilted(number: int, roll: float = 0.5, **fields) -> ImuSample:
-    """Make a sample of a body at rest that is rolled to one side [rad]."""
     force = GRAVITY * np.array([0.0, np.sin(roll), np.cos(roll)])
     return ImuSample(np.zeros(3), force, counts=number.to_bytes(4, "little"), **fields)
 

@@ -177,7 +177,6 @@ def _wait_for_replies_and_not_for_time(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def make_chip(kind: str) -> VirtualI2cChip:
-    """Make a chip that has measured that it lies still."""
     chip = build_virtual_imu(SETTINGS[kind])
     assert isinstance(chip, VirtualI2cChip)
     chip.sense(ImuReading(0.0, np.zeros(3), UP, np.array([1.0, 0.0, 0.0, 0.0])))
@@ -201,7 +200,6 @@ def opening(kind: str, path: Path) -> Iterator[SocketI2cChip]:
 
 
 def transfer(chip: I2cChip, data: bytes, count: int) -> bytes | int | None:
-    """Return what is read, or the number of the error."""
     try:
         return chip.transfer(data, count)
     except OSError as error:
@@ -243,7 +241,6 @@ def connect(path: Path) -> socket.socket:
 
 
 def fill(client: socket.socket) -> None:
-    """Send transfers and read no reply, until the bus takes no more."""
     client.setblocking(False)
     packet = b"\x28\xff\xff\x00"
     with pytest.raises(OSError):

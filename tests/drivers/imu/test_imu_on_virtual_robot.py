@@ -34,7 +34,6 @@ TOPPLING = Posture(
 
 
 def set_patience(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
-    """Set how long drivers wait for the first sample of an IMU."""
     for module in ("source", "bno055", "bno08x_i2c"):
         monkeypatch.setattr(f"drivers.imu.{module}.FIRST_SAMPLE", seconds)
 
@@ -49,7 +48,6 @@ def _wait_for_replies_and_not_for_time(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def with_imu(robot: Robot, kind: str) -> Robot:
-    """Give a robot an IMU of a kind; its board goes, unless the IMU is on it."""
     assert robot.bus is not None
     if kind == "board by its addresses":
         return replace(robot, bus=replace(robot.bus, board=BY_ADDRESS))

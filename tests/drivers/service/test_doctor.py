@@ -25,7 +25,6 @@ def check(bench: ServiceBench) -> HealthCheck:
 
 
 def texts(health: HealthCheck, device: str) -> list[tuple[Severity, str]]:
-    """List the findings of a device whose name begins so."""
     found = [f for f in health.findings if f.device.startswith(device)]
     return [(finding.severity, finding.text) for finding in found]
 

@@ -58,7 +58,6 @@ def test_a_placed_robot_is_at_rest_and_its_clock_at_zero(tiny):
 
 
 def in_the_air(orientation=quaternion.IDENTITY, joint_pos=0.0) -> Posture:
-    """Place the tiny robot where nothing touches it."""
     joints = np.full(2, joint_pos)
     return Posture(position=np.array([0.0, 0.0, 5.0]), orientation=orientation, joint_pos=joints)
 

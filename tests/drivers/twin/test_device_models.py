@@ -25,8 +25,6 @@ XML = """
 
 
 class Body:
-    """A free box with the IMU in its middle."""
-
     def __init__(self, noise: SensorNoise | None = None) -> None:
         self.model = mujoco.MjModel.from_xml_string(XML)
         self.data = mujoco.MjData(self.model)
@@ -83,7 +81,6 @@ def test_noise_has_the_deviation_that_is_set():
 
 
 def fit(robot: Robot, *names: str) -> Robot:
-    """Put servos of certain types on a robot's joints."""
     pairs = zip(robot.joints, names, strict=True)
     joints = (
         replace(joint, servo=replace(joint.servo, model=servo_models()[name]))

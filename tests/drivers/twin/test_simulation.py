@@ -45,13 +45,6 @@ def test_a_standing_op3_stands(op3):
     assert twin.truth.ground_penetration < 1e-3
 
 
-def test_penetration_of_the_ground_is_measured(tiny):
-    truth = place(Twin(tiny), 0.1 - 0.004)
-    assert truth.ground_penetration == pytest.approx(0.004)
-    # Four corners of each foot.
-    assert sorted(names(truth)) == ["l_leg"] * 4 + ["r_leg"] * 4
-
-
 def test_self_contact_is_measured_and_is_no_contact_with_the_world(op3):
     folded = op3.standing.joint_pos.copy()
     for joint, angle in (("l_sho_roll", 1.6), ("l_el", -2.4), ("l_sho_pitch", 0.0)):
@@ -63,7 +56,11 @@ def test_self_contact_is_measured_and_is_no_contact_with_the_world(op3):
     assert names(truth) == []
 
 
-def test_an_obstacle_is_part_of_the_world(tiny):
+def test_penetration_is_measured_and_an_obstacle_is_part_of_the_world(tiny):
+    truth = place(Twin(tiny), 0.1 - 0.004)
+    assert truth.ground_penetration == pytest.approx(0.004)
+    # Four corners of each foot.
+    assert sorted(names(truth)) == ["l_leg"] * 4 + ["r_leg"] * 4
     spec = tiny.spec()
     step = spec.worldbody.add_body(name="step", pos=[0.0, 0.07, 0.05])
     step.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.02, 0.05])
@@ -84,14 +81,12 @@ def lift(robot: Robot) -> Posture:
 
 
 def hang(robot: Robot) -> Simulation:
-    """Hold a robot in the air with all joints at 0."""
     simulation = Simulation(robot)
     simulation.hold(lift(robot))
     return simulation
 
 
 def drive_one(robot: Robot, joint: int) -> Drive:
-    """Give one joint torque."""
     released = Drive.released(robot.n)
     torque = np.zeros(robot.n)
     torque[joint] = robot.max_torque[joint]

@@ -31,7 +31,6 @@ raw = st.builds(
 
 @st.composite
 def spans(draw: st.DrawFn) -> bytes:
-    """Start of a read or write: somewhere that means something, mostly."""
     start = draw(
         st.sampled_from([6, 7, 10, 11, 20, 36, 48, 63, 64, 68, 98, 100, 112, 116, 168, 224])
     )

@@ -35,7 +35,6 @@ def raw_read(servo: VirtualServo, address: int, length: int) -> tuple[int, bytes
 
 
 def wake(servo: VirtualServo, at: float = 10.0) -> None:
-    """Let a reboot end."""
     servo.advance(servo.now + at)
     assert servo.listens
 

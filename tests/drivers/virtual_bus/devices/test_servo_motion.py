@@ -172,7 +172,6 @@ START = 5.0
 
 
 def sample(path: ProfileTrajectory, count: int = 200) -> list[tuple[float, float, float]]:
-    """Time, position and velocity from start to end."""
     times = [START + (path.end - START) * i / count for i in range(count + 1)]
     return [(t, *path.at(t)) for t in times]
 

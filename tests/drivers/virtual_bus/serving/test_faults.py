@@ -34,8 +34,6 @@ def bytes_of(transmissions) -> bytes:
 
 
 class RecordingPhysics(StillPhysics):
-    """A table whose servos can be heated and whose battery can sag."""
-
     def __init__(self, devices) -> None:
         super().__init__(devices, PERIOD)
         self.done: list[tuple[str, float]] = []
@@ -50,8 +48,6 @@ class RecordingPhysics(StillPhysics):
 
 
 class PluggedBus(VirtualBus):
-    """A bus that counts how often it was plugged in."""
-
     plugs = 0
 
     def plug(self) -> None:

@@ -24,15 +24,12 @@ GROUP = protocol2.sync_read(IDS, Span(132, 4)).encode()
 
 
 class Served:
-    """Devices behind a port in lock-step."""
-
     def __init__(self, seed: int = 0) -> None:
         self.wire, self.devices = FakeWire(), FakeDevices(IDS)
         self.exchange, self.faults = exchange_with(self.devices, seed)
         self.bus = LockStep(self.wire, self.exchange, self.wire.wait)
 
     def ask(self, data: bytes) -> bytes:
-        """Send bytes; return those that have come in reply."""
         before = len(self.wire.data)
         self.wire.send_at(self.wire.now, data)
         self.bus.serve()

@@ -9,7 +9,7 @@ from drivers.dynamixel.protocol2 import Span
 from drivers.virtual_bus.serving import real_time
 from drivers.virtual_bus.serving.fault_injector import LineFault
 from drivers.virtual_bus.serving.lock_step import IDLE
-from drivers.virtual_bus.serving.real_time import MICROFRAME, SPIN, RealTime
+from drivers.virtual_bus.serving.real_time import MICROFRAME, RealTime
 
 IDS = (1, 2, 3)
 BYTE = 1e-5  # s at 1 Mbit/s
@@ -19,8 +19,6 @@ STEP = 2e-6  # s that a poll of the clock may take
 
 
 class Served:
-    """Devices behind a port in real time."""
-
     def __init__(self, monkeypatch, devices: FakeDevices, latency: float = 0.0, **wire) -> None:
         self.wire, self.devices = FakeWire(**wire), devices
         monkeypatch.setattr(real_time, "monotonic", self.wire.monotonic)
@@ -29,17 +27,14 @@ class Served:
         self.bus = RealTime(self.wire, self.exchange, self.wire.wait, latency)
 
     def run(self, until: float) -> None:
-        """Serve until a bus time [s]."""
         while self.bus.now < until:
             self.bus.serve()
 
     def send(self, time: float, data: bytes) -> None:
-        """Send bytes that arrive at a bus time [s]."""
         self.wire.send_at(100.0 + time, data)
 
     @property
     def times(self) -> list[float]:
-        """Return the bus times at which bytes were delivered [s]."""
         return [at - 100.0 for at, _ in self.wire.received]
 
 
@@ -121,16 +116,3 @@ def test_lateness_is_counted(monkeypatch):
     statistics = served.exchange.statistics
     assert statistics.deliveries == 1
     assert statistics.lateness_total == pytest.approx(0.002)
-
-
-def test_only_the_last_moment_before_an_event_is_polled(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS, delay=0.0005))
-    polls = []
-    monkeypatch.setattr(
-        real_time, "sleep", lambda _: (polls.append(served.bus.now), served.wire.sleep(0.0))
-    )
-    served.send(0.01, READ)
-    served.run(0.02)
-    events = (0.01 + 14 * BYTE, 0.01 + 29 * BYTE + 0.0005)
-    assert all(min(abs(at - event) for event in events) <= SPIN + STEP for at in polls)
-    assert polls

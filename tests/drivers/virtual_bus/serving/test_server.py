@@ -2,7 +2,6 @@
 
 import os
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ from still_physics import StillPhysics
 from waiting import LONGEST_WAIT, wait_until
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.protocol2 import Instruction, Packet, Span, Status
+from drivers.dynamixel.protocol2 import Instruction, Packet, Span
 from drivers.errors import DriverError
 from drivers.real_time_class import in_real_time_class
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
@@ -44,16 +43,6 @@ def connect(bus: VirtualBus, baud: int = 1_000_000, timeout: float = LONGEST_WAI
 def ask(port: serial.Serial, request: bytes, count: int) -> bytes:
     port.write(request)
     return port.read(count)
-
-
-def test_bytes_take_their_time_on_the_wire():
-    # 34 + 14 bytes at 9600 bit/s, ten bits each, and a return delay of 20 ms: 70 ms at least.
-    devices = FakeDevices(range(1, 21), delay=0.02, baud=9600)
-    with VirtualBus(devices, StillPhysics(devices)) as bus, connect(bus, 9600) as port:
-        start = time.monotonic()
-        answer = ask(port, protocol2.sync_read(range(1, 21), Span(132, 4)).encode(), 15)
-        assert time.monotonic() - start >= 34 * 10 / 9600 + 0.02 + 15 * 10 / 9600
-    assert answer == Status(1, 0, bytes((132, 133, 134, 135))).encode()
 
 
 def test_in_real_time_its_thread_is_in_the_real_time_class(bus: VirtualBus, time_mode: TimeMode):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bus_stories import serving
+from tiny_robots import with_servos
 
 from drivers import Backend, Command, SafetyGuard, Twin
 from drivers.dynamixel.control_table import table_named
@@ -55,18 +56,13 @@ CASES = [
 ]
 
 
-def with_servos(tiny: Robot, name: str) -> Robot:
+def with_plain(tiny: Robot, name: str) -> Robot:
     """The tiny robot with servos of another type; its IMU is on a line of its own then."""
     model = servo_models()[name]
     zeros = (model.middle_tick, model.middle_tick // 2)
-    joints = tuple(
-        replace(joint, servo=replace(joint.servo, model=model, zero_ticks=zero))
-        for joint, zero in zip(tiny.joints, zeros, strict=True)
-    )
     assert tiny.bus is not None
     return replace(
-        tiny,
-        joints=joints,
+        with_servos(tiny, *({"model": model, "zero_ticks": zero} for zero in zeros)),
         bus=replace(tiny.bus, board=None),
         imu=ImuSettings(kind="bno055", connection="i2c"),
         supply_voltage=model.nominal_voltage,
@@ -82,7 +78,7 @@ def case(request: pytest.FixtureRequest) -> tuple[str, str]:
 @pytest.fixture
 def robot(case: tuple[str, str], tiny: Robot, request: pytest.FixtureRequest) -> Robot:
     name = case[0]
-    return with_servos(tiny, name) if name in PLAIN else request.getfixturevalue(name)
+    return with_plain(tiny, name) if name in PLAIN else request.getfixturevalue(name)
 
 
 @pytest.fixture

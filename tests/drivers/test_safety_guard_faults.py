@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from memory_rig import Rig
 from recording_backend import RecordingBackend
+from tiny_robots import with_servos
 
 from drivers import Command, FaultKind, GuardLimits, SafetyGuard
 
@@ -231,10 +232,8 @@ def test_torque_falls_from_the_whole_to_two_fifths_over_ten_degrees(tiny):
     limits = GuardLimits.of(tiny, 2.0)
     for degrees, torque in ((20.0, 2.0), (65.0, 2.0), (70.0, 1.4), (75.0, 0.8), (99.0, 0.8)):
         assert limits.derate(np.full(2, degrees)) == pytest.approx([torque] * 2)
-    joint = tiny.joints[1]  # of a type with a limit of its own
-    model = replace(joint.servo.model, temperature_limit=70.0)
-    cooler = replace(joint, servo=replace(joint.servo, model=model))
-    limits = GuardLimits.of(replace(tiny, joints=(tiny.joints[0], cooler)))
+    model = replace(tiny.joints[1].servo.model, temperature_limit=70.0)  # its type's own
+    limits = GuardLimits.of(with_servos(tiny, {}, {"model": model}))
     assert limits.max_temperature.tolist() == [75.0, 65.0]
     assert limits.derate(np.array([60.0, 60.0])) == pytest.approx([4.1, 4.1 * 0.7])
 

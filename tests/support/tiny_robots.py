@@ -1,11 +1,13 @@
 """Robots that fit on a page, written by the test."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 
 from robots import Robot, load_robot
 from robots.body.parts import list_head_joints
+from robots.description.servo_catalog import servo_models
 from robots.reshaping.stretching import Skeleton, make_explicit
 
 ROW = (
@@ -90,3 +92,16 @@ def leg(side: str, at: str) -> str:
 
 
 LEGS = leg("l", "0 0.05 0") + leg("r", "0 -0.05 0")
+
+
+def with_servos(robot: Robot, *changes: dict) -> Robot:
+    """Change the servos of all joints alike, or of each its own."""
+    each = changes if len(changes) > 1 else changes * robot.n
+    pairs = zip(robot.joints, each, strict=True)
+    joints = [replace(joint, servo=replace(joint.servo, **change)) for joint, change in pairs]
+    return replace(robot, joints=tuple(joints))
+
+
+def with_types(robot: Robot, *names: str) -> Robot:
+    """Put servos of other types on a robot: of one, or of each joint's own."""
+    return with_servos(robot, *({"model": servo_models()[name]} for name in names))

@@ -1,5 +1,6 @@
 """What commands become in registers, and in which order they are written."""
 
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from memory_rig import Rig
+from tiny_robots import with_servos, with_types
 
 from drivers import Command
 from drivers.dynamixel.backend import DynamixelBackend
@@ -23,20 +25,11 @@ from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.errors import SetupError
 from drivers.virtual_bus.devices.sensors import Measured
-from robots.description.servo_catalog import servo_models
 from robots.servo import TICKS_PER_TURN
 
 # Registers of an XM430 (e-manual).
-TORQUE, RETURN_LEVEL, P_GAIN, WATCHDOG, PWM, CURRENT, GOAL = 64, 68, 84, 98, 100, 102, 116
-NAMES = {
-    TORQUE: "torque",
-    RETURN_LEVEL: "return level",
-    P_GAIN: "gain",
-    WATCHDOG: "watchdog",
-    PWM: "pwm",
-    CURRENT: "current",
-    GOAL: "goal",
-}
+TORQUE, P_GAIN, WATCHDOG, PWM, GOAL = 64, 84, 98, 100, 116
+NAMES = {TORQUE: "torque", P_GAIN: "gain", WATCHDOG: "watchdog", PWM: "pwm", GOAL: "goal"}
 Write = tuple[str, dict[int, int]]
 """Register, and the value of each servo id."""
 
@@ -48,18 +41,14 @@ class Listener:
         self.writes: list[Write] = []
 
     def send(self, frame: bytes) -> None:
-        body = frame[8:-2]
-        if frame[7] == Instruction.BULK_WRITE:
-            rows = [body[i : i + 9] for i in range(0, len(body), 9)]
-            assert all(int.from_bytes(row[1:3], "little") == GOAL for row in rows)
-            values = {row[0]: int.from_bytes(row[5:], "little") for row in rows}
-            self.writes.append(("seed", values))
-            return
-        assert frame[7] == Instruction.SYNC_WRITE
-        address, size = (int.from_bytes(body[i : i + 2], "little") for i in (0, 2))
-        rows = [body[i : i + 1 + size] for i in range(4, len(body), 1 + size)]
-        values = {row[0]: int.from_bytes(row[1:], "little") for row in rows}
-        self.writes.append((NAMES[address], values))
+        body, is_seed = frame[8:-2], frame[7] == Instruction.BULK_WRITE
+        assert is_seed or frame[7] == Instruction.SYNC_WRITE
+        address, size = struct.unpack_from("<HH", body, is_seed)
+        start, head = (0, 5) if is_seed else (4, 1)
+        rows = [body[i : i + head + size] for i in range(start, len(body), head + size)]
+        values = {row[0]: int.from_bytes(row[head:], "little") for row in rows}
+        self.writes.append(("seed" if is_seed else NAMES[address], values))
+        assert not is_seed or address == GOAL
 
     def take(self) -> list[Write]:
         writes, self.writes = self.writes, []
@@ -74,9 +63,8 @@ def bus() -> Listener:
 @pytest.fixture
 def states(tiny) -> ServoStates:
     states = ServoStates(tiny, 0.008)
-    replies = [
-        Status(k, 0, bytes(6) + ticks.to_bytes(4, "little")) for k, ticks in ((1, 2000), (2, 1100))
-    ]
+    ticks = {1: 2000, 2: 1100}
+    replies = [Status(i, 0, bytes(6) + ticks[i].to_bytes(4, "little")) for i in ticks]
     states.update_cyclic(Replies.of(replies, 10), 1.0)
     for row in (0, 1):
         states.note_ready(row)
@@ -91,11 +79,8 @@ def writer(tiny, bus) -> CommandWriter:
 BOTH, NONE = np.array([True, True]), np.array([False, False])
 
 
-def registers(torque=BOTH, goal=(2048, 1000), p_gain=(800, 800), pwm=(885, 885)):
-    current = np.array([855, 855])
-    return RegisterCommands(
-        np.array(goal), np.array(p_gain), np.array(pwm), current, np.array(torque)
-    )
+def registers(torque=BOTH, goal=(2048, 1000)):
+    return RegisterCommands(*map(np.array, (goal, (800, 800), (885, 885), (855, 855), torque)))
 
 
 def test_torque_comes_on_after_gain_limit_watchdog_and_present_position(bus, writer, states):
@@ -175,9 +160,7 @@ def test_a_current_limit_is_rounded_down_to_counts_and_returned_as_it_is(tiny):
 
 def test_a_command_becomes_registers_of_each_servo(tiny):
     """The right hip turns the other way round, from tick 1000; 0.1 rad are 65.19 ticks."""
-    left, right = tiny.joints
-    own = replace(right, servo=replace(right.servo, own_p_gain=2100))
-    converter = CommandConverter(replace(tiny, joints=(left, own)), "pwm")
+    converter = CommandConverter(with_servos(tiny, {}, {"own_p_gain": 2100}), "pwm")
     command = Command(
         joint_pos=np.array([0.1, 0.1]),
         gain_scale=np.array([0.25, 0.5]),
@@ -259,9 +242,7 @@ def test_the_mode_and_its_damping_are_set_and_torque_begins_where_a_joint_was_tu
 
 
 def test_servos_without_current_sensor_have_no_current_mode(tiny):
-    model = servo_models()["XL430-W250"]
-    joints = tuple(replace(j, servo=replace(j.servo, model=model)) for j in tiny.joints)
-    robot, ports = replace(tiny, joints=joints, limit_by="pwm"), {"main": "main"}
+    robot, ports = replace(with_types(tiny, "XL430-W250"), limit_by="pwm"), {"main": "main"}
     assert DynamixelBackend(robot, ports).limit_by == "pwm"
     with pytest.raises(SetupError, match=r"'current', expected 'pwm': the XL430-W250 of joint"):
         DynamixelBackend(robot, ports, limit_by="current")

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from memory_rig import Rig
+from tiny_robots import with_servos, with_types
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
@@ -15,7 +16,6 @@ from drivers.dynamixel.startup import locate
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots import Joint, Robot
-from robots.description.servo_catalog import servo_models
 from robots.servo import RAD_PER_TICK
 
 READING = (Instruction.PING, Instruction.READ)
@@ -210,8 +210,7 @@ def test_each_limit_is_where_the_manual_puts_it(tiny):
 
 def test_types_with_one_table_are_not_told_what_another_is_shipped_with(tiny):
     """STS3215 for 7.4 V and for 12 V: their limits differ, their registers do not say which."""
-    model = servo_models()["STS3215-C001"]
-    joint = replace(tiny.joints[0], servo=replace(tiny.joints[0].servo, model=model))
+    joint = with_types(tiny, "STS3215-C001").joints[0]
     limits = {"max_voltage_limit": 80, "min_voltage_limit": 45, "temperature_limit": 60}
     found = check(joint, 9, "STS3215", **limits, present_input_voltage=74)
     limit = [text for text in found if "limit is" in text and "PWM" not in text]
@@ -224,8 +223,7 @@ def test_types_with_one_table_are_not_told_what_another_is_shipped_with(tiny):
 def test_a_range_that_crosses_the_end_of_the_servos_turn_is_no_finding(tiny):
     """The driver counts the turns."""
     left, right = tiny.joints
-    moved = replace(left, servo=replace(left.servo, zero_ticks=100))
-    rig = powered(replace(tiny, joints=(moved, right)))
+    rig = powered(with_servos(tiny, {"zero_ticks": 100}, {}))
     feel(rig, 3800.0)
     found = look(rig)
     assert found.findings == ()

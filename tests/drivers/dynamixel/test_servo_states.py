@@ -1,11 +1,10 @@
 """What the driver knows of its servos: signs, units, and how far a reply is believed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tiny_robots import with_servos
 
 from drivers.dynamixel.protocol2 import Status
 from drivers.dynamixel.requests import Replies
@@ -114,9 +113,7 @@ def test_a_leap_is_believed_once_the_next_reply_confirms_it(states, second, is_c
 def test_a_joint_that_was_turned_or_restarts_is_where_it_was_or_can_be(
     tiny, zero, before, register, ticks
 ):
-    left, right = tiny.joints
-    moved = replace(left, servo=replace(left.servo, zero_ticks=zero))
-    states = ServoStates(replace(tiny, joints=(moved, right)), 0.008)
+    states = ServoStates(with_servos(tiny, {"zero_ticks": zero}, {}), 0.008)
     update(states, reply(1, before), reply(2, 1000), now=BEGIN)
     update(states, reply(1, register), now=BEGIN + 10.0)
     assert states.ticks[0] == ticks
@@ -148,7 +145,6 @@ def test_torque_registers_are_compared_with_what_was_written(states):
 def test_a_servo_without_a_current_sensor_reports_its_load(tiny):
     """A count of load is 0.1 % of full load (e-manual, XL430), here of the stall current."""
     model = servo_models()["XL430-W250"]
-    joints = tuple(replace(j, servo=replace(j.servo, model=model)) for j in tiny.joints)
-    states = ServoStates(replace(tiny, joints=joints), PERIOD)
+    states = ServoStates(with_servos(tiny, {"model": model}), PERIOD)
     update(states, reply(1, 2000, 0, 500), reply(2, 1000, 0, 500))
     assert states.current == pytest.approx([0.5 * model.stall_current, -0.5 * model.stall_current])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from memory_port import MemoryPort
 from memory_rig import Rig
+from tiny_robots import with_servos
 
 from drivers import serial_port
 from drivers.dynamixel import startup
@@ -115,7 +116,7 @@ def test_a_joint_or_imu_that_is_never_measured_is_named(tiny: Robot):
 @pytest.mark.parametrize("timer", [1, None], ids=["timer of 1 ms", "unknown: a USB frame"])
 @pytest.mark.parametrize(("model", "refused"), [("AX-12A", True), ("XL430-W250", False)])
 def test_single_reads_that_wait_for_the_adapter_need_a_longer_period(
-    model: str, refused: bool, timer: int | None, monkeypatch: pytest.MonkeyPatch
+    model, refused, timer, monkeypatch
 ):
     monkeypatch.setattr(serial_port, "read_latency_timer", lambda _: timer)
     port = SimpleNamespace(path="main", baud=1_000_000)
@@ -179,11 +180,8 @@ def test_a_margin_is_each_bus_own_again_after_the_block_even_after_an_error():
 
 def test_servos_without_known_registers_are_refused_in_one_line(tiny: Robot):
     unknown = replace(servo_models()["STS3250-C001"], name="home-made")
-    joints = tuple(
-        replace(joint, servo=replace(joint.servo, model=unknown)) for joint in tiny.joints
-    )
     with pytest.raises(SetupError, match="has servos home-made, expected those with") as caught:
-        build_ports(replace(tiny, joints=joints), PATHS, NamedPort, answer_margin=0.01)
+        build_ports(with_servos(tiny, {"model": unknown}), PATHS, NamedPort, answer_margin=0.01)
     assert str(caught.value).endswith("by --backend twin")
 
 
@@ -191,24 +189,13 @@ def test_servos_without_known_registers_are_refused_in_one_line(tiny: Robot):
 
 
 BAUD = 1_000_000
-RAM = {
-    "torque_enable": 0,
-    "status_return_level": 2,
-    "bus_watchdog": 0,
-    "position_i_gain": 0,
-    "position_p_gain": 800,
-    "feedforward_2nd_gain": 0,
-    "feedforward_1st_gain": 0,
-    "profile_acceleration": 0,
-    "profile_velocity": 0,
-}
-EEPROM = {
-    "return_delay_time": 0,
-    "drive_mode": 0,
-    "operating_mode": 5,
-    "max_position_limit": 4095,
-    "min_position_limit": 0,
-}
+RAM = {"status_return_level": 2, "position_p_gain": 800} | dict.fromkeys(
+    ("torque_enable", "bus_watchdog", "position_i_gain", "feedforward_2nd_gain",
+     "feedforward_1st_gain", "profile_acceleration", "profile_velocity"), 0
+)  # fmt: skip
+EEPROM = {"operating_mode": 5, "max_position_limit": 4095} | dict.fromkeys(
+    ("return_delay_time", "drive_mode", "min_position_limit"), 0
+)
 
 
 class Bench:
@@ -222,9 +209,8 @@ class Bench:
     def facts(self) -> ServoFacts:
         registers = read_items(self.bus, self.servo.id, self.servo.table, DIAGNOSED)
         assert registers is not None
-        return ServoFacts(
-            joint=self.joint, table=self.servo.table, firmware=46, registers=registers
-        )
+        table = self.servo.table
+        return ServoFacts(joint=self.joint, table=table, firmware=46, registers=registers)
 
     def setup(self, by: LimitMode = "current", *, recheck: bool = False) -> ServoSetup:
         return ServoSetup(self.facts(), by, recheck=recheck)

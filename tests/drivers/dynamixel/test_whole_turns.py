@@ -1,12 +1,11 @@
 """The turns of servos that start within one turn are found by the ranges of their joints."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from memory_rig import Rig
+from tiny_robots import with_servos
 
 from drivers import Command
 from drivers.dynamixel.whole_turns import WholeTurns
@@ -61,9 +60,7 @@ def test_what_cannot_be_told_apart_is_listed(toddlerbot: Robot):
 
 def test_a_servo_that_restarts_beyond_the_end_of_its_turn_is_still_measured_right(tiny: Robot):
     """In extended position mode, its register loses its turns by a restart."""
-    left, right = tiny.joints
-    moved = replace(left, servo=replace(left.servo, zero_ticks=100))
-    with Rig(replace(tiny, joints=(moved, right)), limit_by="pwm") as rig:
+    with Rig(with_servos(tiny, {"zero_ticks": 100}, {}), limit_by="pwm") as rig:
         goal = Command.position(rig.robot, np.array([-0.5, 0.0]))
         before = rig.turn(goal, 100)
         assert rig.servo("l_hip").peek("present_position") < 0
@@ -95,9 +92,8 @@ ANGLES = st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2)
 
 @pytest.fixture(scope="module")
 def units(tiny: Robot) -> ServoUnits:
-    places = zip(tiny.joints, (1, -1), (2048, 1000), strict=True)
-    joints = (replace(j, servo=replace(j.servo, sign=s, zero_ticks=z)) for j, s, z in places)
-    return ServoUnits(replace(tiny, joints=tuple(joints)))
+    servos = ({"sign": 1, "zero_ticks": 2048}, {"sign": -1, "zero_ticks": 1000})
+    return ServoUnits(with_servos(tiny, *servos))
 
 
 @given(angles=ANGLES)

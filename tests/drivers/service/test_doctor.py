@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 from service_bench import ServiceBench
+from tiny_robots import with_servos
 
 from drivers.dynamixel.diagnostics import DiagnosticsError, Severity
 from drivers.dynamixel.protocol2 import Instruction
@@ -151,11 +152,7 @@ def test_a_board_that_is_silent_is_a_finding_and_no_imu(tiny: Robot):
 
 
 def test_a_robot_without_imu_or_with_an_id_twice_has_findings(tiny: Robot):
-    twice = replace(
-        tiny,
-        joints=tuple(replace(j, servo=replace(j.servo, id=1)) for j in tiny.joints),
-        bus=replace(tiny.bus, board=None),
-    )
+    twice = replace(with_servos(tiny, {"id": 1}), bus=replace(tiny.bus, board=None))
     with ServiceBench(twice).open() as bus:
         assert [(finding.device, finding.text) for finding in bus.findings] == [
             ("id 1", "belongs to l_hip and r_hip"),

@@ -1,16 +1,14 @@
 """Models of devices: the IMU at a site of the torso, and the heat of servos of any size."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tiny_robots import with_types
 
 from drivers.twin.device_models import AMBIENT_TEMPERATURE, SensorNoise, TwinImu, Windings
 from robots import Robot
-from robots.description.servo_catalog import servo_models
 
 GYRO_STEP = np.radians(1.0 / 16.4)  # ICM-20648 at 2000 deg/s
 FORCE_STEP = 9.81 / 16384.0  # at 2 g
@@ -80,17 +78,8 @@ def test_noise_has_the_deviation_that_is_set():
 # Heat ---------------------------------------------------------------------------------------------
 
 
-def fit(robot: Robot, *names: str) -> Robot:
-    pairs = zip(robot.joints, names, strict=True)
-    joints = (
-        replace(joint, servo=replace(joint.servo, model=servo_models()[name]))
-        for joint, name in pairs
-    )
-    return replace(robot, joints=tuple(joints))
-
-
 def test_heat_follows_from_the_mass_of_a_type(tiny: Robot):
-    windings = Windings(fit(tiny, "XM430-W350", "XM540-W270"))
+    windings = Windings(with_types(tiny, "XM430-W350", "XM540-W270"))
     # By hand: 82 g and 165 g of 0.5 J/(g·K); the surface of the XM540 is 2.012^(2/3) = 1.594
     # times that of the XM430, which has 13 K/W. From its own dimensions it is 1.55 times.
     assert windings.heat_capacity == pytest.approx([41.0, 82.5])
@@ -100,7 +89,7 @@ def test_heat_follows_from_the_mass_of_a_type(tiny: Robot):
 @settings(max_examples=10)
 @given(current=st.floats(0.1, 2.0))
 def test_a_servo_settles_where_the_air_takes_all_its_loss_away(tiny: Robot, current: float):
-    robot = fit(tiny, "XC330-T288", "XM430-W350")
+    robot = with_types(tiny, "XC330-T288", "XM430-W350")
     windings = Windings(robot)
     for _ in range(2000):
         windings.heat(np.full(2, current), 5.0)

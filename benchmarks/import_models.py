@@ -26,10 +26,10 @@ import tyro
 import humanoid_getup as hg
 from humanoid_getup.commands.parsing import registry
 from humanoid_getup.commands.robot.import_robot import ImportRequest
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.reporting.film_strip import render_frames, save_sheet
 from robots.kinematics import place
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model

@@ -34,9 +34,7 @@ from humanoid_getup.experiments.judging.summary import summarize
 from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import STANDING, Motion
 from humanoid_getup.motions.motion_database import find_motion
-from humanoid_getup.playback.ending import has_succeeded, hold_time
-from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play_in_simulation
+from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play_in_simulation
 from humanoid_getup.playback.supervisor import make_stand
 from humanoid_getup.simulation.world import World
 

@@ -43,7 +43,7 @@ from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.motions.motion import StartClass
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.playback.motion_player import APPROACH_SPEED
+from humanoid_getup.playback.play import APPROACH_SPEED
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise

@@ -18,13 +18,15 @@ import numpy as np
 import tyro
 from script import RISE_FIGURES, LimitedOptions, do_pieces, write_results
 
-from humanoid_getup.benchmarks.disturbed import (
+from humanoid_getup.benchmarks.rise import (
+    BENCH_CLASSES,
     DISTURBANCES,
     DisturbedRise,
     DisturbedWays,
+    MeasuredRise,
+    RefusableSummary,
     WorldChange,
 )
-from humanoid_getup.benchmarks.rise import BENCH_CLASSES, MeasuredRise, RefusableSummary
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.scenes.ground import Slope

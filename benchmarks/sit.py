@@ -19,10 +19,9 @@ import tyro
 from script import Options, do_pieces, write_results
 
 from drivers import Twin
-from humanoid_getup.execution.keep_stand import keep_stand
+from humanoid_getup.execution.get_up import keep_stand
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.disturbances.distributions import draw
-from humanoid_getup.experiments.disturbances.disturbance import USUAL
+from humanoid_getup.experiments.disturbances import USUAL, draw
 from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
 from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
 from humanoid_getup.experiments.starts.falls import find_rest

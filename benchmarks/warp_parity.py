@@ -23,7 +23,7 @@ from humanoid_getup.experiments.starts.drop import Drops, DropSampler
 from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.scenes.start_region import ANYWHERE
+from humanoid_getup.scenes.scene import ANYWHERE
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.vectorized_simulation import VecSim

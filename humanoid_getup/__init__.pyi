@@ -63,7 +63,7 @@ from humanoid_getup.commands.robot.import_robot import import_robot as import_ro
 from humanoid_getup.commands.robot.watch import WatchRequest as WatchRequest
 from humanoid_getup.commands.robot.watch import watch as watch
 from humanoid_getup.execution.get_up import get_up as get_up
-from humanoid_getup.execution.keep_stand import keep_stand as keep_stand
+from humanoid_getup.execution.get_up import keep_stand as keep_stand
 from humanoid_getup.execution.session import SessionOptions as SessionOptions
 from humanoid_getup.experiments.starts.falls import sample_fall as sample_fall
 from humanoid_getup.motions.motion import Motion as Motion
@@ -78,7 +78,7 @@ from humanoid_getup.strategies.planned_rise import PlannedRise as PlannedRise
 from humanoid_getup.strategies.stored_motion import StoredMotion as StoredMotion
 from humanoid_getup.style.curves import StyleCurves as StyleCurves
 from humanoid_getup.style.style import Style as Style
-from humanoid_getup.style.style_file import load_style as load_style
+from humanoid_getup.style.style import load_style as load_style
 from robots.description.loading import load_robot as load_robot
 from robots.proportions import Body as Body
 from robots.torque_limit import TorqueLimit as TorqueLimit

@@ -21,10 +21,8 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import PLANNED, read_curves
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
-from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.extraction import ExtractionError
-from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_file import load_any_style, load_style
+from humanoid_getup.style.curves import ExtractionError, StyleCurves
+from humanoid_getup.style.style import Style, load_any_style, load_style
 from robots import Robot, load_robot
 from sim2real.perturbations import Perturbation, PolicyTrial
 from sim2real.policy_evaluation import PolicyDriver, PolicyFigures

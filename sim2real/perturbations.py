@@ -8,8 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbances.distributions import RandomAxis
-from humanoid_getup.experiments.disturbances.disturbance import Disturbance
+from humanoid_getup.experiments.disturbances import Disturbance, RandomAxis
 from humanoid_getup.experiments.judging.summary import (
     PolicyClasses,
     PolicySummary,

@@ -9,8 +9,7 @@ import mujoco
 import numpy as np
 
 from humanoid_getup.scenes.obstacle import Obstacle
-from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.scenes.start_region import lying
+from humanoid_getup.scenes.scene import Scene, lying
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion

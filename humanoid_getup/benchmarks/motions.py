@@ -9,15 +9,13 @@ import msgspec
 import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
-from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
+from humanoid_getup.experiments.disturbances import USUAL, Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.ending import has_succeeded, hold_time
-from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play_in_simulation
+from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play_in_simulation
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots.kinematics import read_posture

@@ -14,9 +14,10 @@ import mujoco
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from humanoid_getup.benchmarks.disturbed import DISTURBANCES, DisturbedWays
 from humanoid_getup.benchmarks.motions import MotionPiece, MotionSummary, measure_motion
 from humanoid_getup.benchmarks.rise import (
+    DISTURBANCES,
+    DisturbedWays,
     MeasuredRise,
     RefusableSummary,
     RisePiece,

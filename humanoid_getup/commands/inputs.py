@@ -14,14 +14,14 @@ from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.options import BodyOption, RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.experiments.starts.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.motions import motion_database
-from humanoid_getup.motions.key_posture import KeyPosture, load_key
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import KeyPosture, load_key
 from humanoid_getup.planning.collision import check_keys
 from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.simulation.standing_places import check_standing_place
+from humanoid_getup.simulation.placement import check_standing_place
 from humanoid_getup.simulation.world import World
 from robots import Body, Posture, Robot, TorqueLimit, list_robots, load_posture
 from robots import load_robot as load_robot_by_name

@@ -10,8 +10,7 @@ from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.inputs import load_robot_of
 from humanoid_getup.commands.options import RobotOption
 from humanoid_getup.policy.contract import PolicyContract
-from humanoid_getup.policy.onnx_content import read_metadata
-from humanoid_getup.policy.onnx_file import CONTRACT_KEY, read_model
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, read_metadata, read_model
 from humanoid_getup.policy.onnx_policy import (
     LONGEST,
     SUFFIX,

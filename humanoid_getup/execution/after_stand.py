@@ -12,7 +12,7 @@ import msgspec
 
 from drivers import Command, Ending, RunReport
 from drivers.errors import UnreleasedError
-from humanoid_getup.execution.phase import Phase
+from humanoid_getup.execution.session import Phase
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.playback.monitors import Abort
 from robots import Robot

@@ -9,13 +9,11 @@ import numpy as np
 from drivers import DriverError, Ending, FaultKind, State
 from drivers.control_loop import Pacer
 from drivers.errors import UnreleasedError
-from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import RESTED, Recovery, StoppedError, UnrecoveredError
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
-from humanoid_getup.execution.session import Session
+from humanoid_getup.execution.session import Phase, PhaseChange, Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.experiments.judging.joint_figures import JointFigures
-from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import JointFigures, Outcome
 from humanoid_getup.experiments.starts.falls import UNCLASSED, classify
 from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle

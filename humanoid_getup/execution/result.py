@@ -13,8 +13,7 @@ from msgspec.structs import asdict
 from drivers import Ending, RunReport
 from drivers.errors import UnreleasedError
 from humanoid_getup.execution.after_stand import AfterFigures, AfterStand, HandOver
-from humanoid_getup.experiments.judging.joint_figures import JointFigures
-from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import JointFigures, Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.judging.summary import SummarizedRise
 from humanoid_getup.playback.monitors import Abort

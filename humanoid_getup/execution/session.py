@@ -1,24 +1,48 @@
-"""A session: one robot behind its guard, with its options and callbacks."""
+"""A session: one robot behind its guard, with its options, phases and callbacks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Literal, get_args
 
 from drivers import Backend, Controller, Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.twin.simulation import Simulation
-from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.recovery import Cooling, RebootsServos
-from humanoid_getup.experiments.judging.joint_judge import JointJudge
-from humanoid_getup.experiments.judging.judge import GroundTruthJudge, SensorJudge
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge, JointJudge, SensorJudge
 from humanoid_getup.playback.play import AnyJudge
 from humanoid_getup.scenes.scene import Support
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RisePlan
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.torque_limit import check_torque_limit
+
+
+class Phase(Enum):
+    """What an attempt is doing."""
+
+    SETTLING = "waiting until the robot is still"
+    PLANNING = "planning"
+    PREFLIGHT = "preflight"
+    PLAYING = "playing"
+    HOLDING = "holding the stand"
+    FOLLOWING = "following its pilot"
+    LYING_DOWN = "sitting and lying down"
+    RECOVERING = "recovering"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True)
+class PhaseChange:
+    """The start of a phase."""
+
+    phase: Phase
+    attempt: int
+    """From 1."""
+    detail: str
+
 
 Then = Literal["hold", "sit", "limp", "hand-over"]
 """What a robot does after its judged stand: it keeps standing until it is released, then sits
@@ -159,3 +183,22 @@ def _guard_robot(
             "the strategy: build both with one mode"
         )
     return guard, None
+
+
+class DeadReckoning:
+    """Estimates the place of a robot: a given one at first, then the planned ends of its moves.
+
+    Attitude and joint angles are measured; an error in place or heading is not noticed.
+    """
+
+    def __init__(self, placement: Placement) -> None:
+        self._placement = placement
+
+    def locate(self) -> Placement:
+        """Return where the robot lies."""
+        return self._placement
+
+    def move(self, plan: RisePlan) -> None:
+        """Advance to the planned end of a move."""
+        if isinstance(plan, MotionPlan):
+            self._placement = Placement.of(plan.motion.posture(-1))

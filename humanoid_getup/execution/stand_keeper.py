@@ -23,14 +23,12 @@ from drivers import (
 )
 from drivers.errors import NoImuError, UnreleasedError
 from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step, naming_hand_over
-from humanoid_getup.execution.phase import Phase, PhaseChange
-from humanoid_getup.execution.session import Session
+from humanoid_getup.execution.session import Phase, PhaseChange, Session
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_lying_down
-from humanoid_getup.playback.ending import has_succeeded
-from humanoid_getup.playback.play import AnyJudge, play_engaged
+from humanoid_getup.playback.play import AnyJudge, has_succeeded, play_engaged
 from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.supervisor import (
     make_stand,

@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
-from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
+from humanoid_getup.experiments.disturbances import Disturbance, Normal, Scenarios, Uniform
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome, compute_share
 from humanoid_getup.experiments.judging.record import Record
-from humanoid_getup.experiments.rollouts.early_stop import LATEST_STAND
-from humanoid_getup.experiments.rollouts.play import Experiment, FeedbackLaw
+from humanoid_getup.experiments.rollouts import LATEST_STAND, Experiment, FeedbackLaw
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Reference, compose
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.search import TargetSearch, coarsen

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from humanoid_getup.experiments.judging.torque import LONG_SATURATION, SATURATED, limit_torque
-from humanoid_getup.experiments.rollouts.play import Feedback
+from humanoid_getup.experiments.rollouts import Feedback
 from humanoid_getup.filtering.candidate import NO_SLOWDOWN, Candidate, Reference
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.simulation.world import World

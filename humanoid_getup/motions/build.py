@@ -10,19 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.experiments.starts.falls import classify, settle_posture
 from humanoid_getup.motions.course import join
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes
 from humanoid_getup.motions.motion import NO_END, Motion, hold_last
-from humanoid_getup.motions.optimization import TrajectoryOptimizer
+from humanoid_getup.motions.optimization import SearchLog, SearchTask, TrajectoryOptimizer
 from humanoid_getup.motions.preference import Preference, PreferenceName
-from humanoid_getup.motions.search_log import SearchLog, SearchTask
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit, quaternion

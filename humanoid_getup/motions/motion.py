@@ -106,15 +106,15 @@ class Motion(Trajectory):
 
     def _repr_png_(self) -> bytes | None:
         """Draw a film strip for notebooks; None without OpenGL, or the robot by its name."""
-        from humanoid_getup.reporting import film_strip, motion_strip
+        from humanoid_getup.reporting.film_strip import NoRendererError, draw_motion
 
         if self.robot not in list_robots():
             return None
         try:
             with TemporaryDirectory() as folder:
-                motion_strip.draw_motion(load_robot(self.robot), self, Path(folder) / "strip.png")
+                draw_motion(load_robot(self.robot), self, Path(folder) / "strip.png")
                 return (Path(folder) / "strip.png").read_bytes()
-        except film_strip.NoRendererError:
+        except NoRendererError:
             return None
 
     @property

@@ -1,7 +1,9 @@
-"""The motion database: a robot's motions, and the entry postures nearest to a given one."""
+"""The motion database: a robot's motions, their entry postures, and postures by name."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +13,7 @@ from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.motion import FOUND, STANDING, Motion
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.retargeting import Retargeting, adapt
-from robots import Posture, Robot
+from robots import Posture, Robot, load_posture
 from robots.robot import ROBOTS_FOLDER
 
 MOTION_FOLDER = "motions"
@@ -184,3 +186,59 @@ def _is_same(a: Motion, b: Motion) -> bool:
     """Return whether two motions have the same times, start class and targets."""
     targets_differ = float(np.abs(a.joint_target - b.joint_target).max())
     return a.start_class == b.start_class and targets_differ < SAME_TARGET
+
+
+MOTIONS = "motions:"
+EXAMPLE = "motions:supine_sit_up_gentle@1.2"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeyPosture:
+    """A posture with the name by which it was requested."""
+
+    name: str
+    posture: Posture
+
+
+def name_keys(keys: Sequence[Posture | KeyPosture]) -> tuple[KeyPosture, ...]:
+    """Give each posture without a name its number, from 1."""
+    return tuple(
+        key if isinstance(key, KeyPosture) else KeyPosture(name=f"key {number}", posture=key)
+        for number, key in enumerate(keys, start=1)
+    )
+
+
+def load_key(text: str, robot: Robot) -> KeyPosture:
+    """Load a posture file, or the frame of a motion that ``motions:NAME@TIME`` names.
+
+    NAME is that of a motion in the robot's database or of an .npz file, TIME is counted from its
+    first frame [s]; the nearest frame is taken.
+
+    Raises:
+        ValueError: if there is no such file, motion or time, or the posture does not fit the
+            robot.
+    """
+    if text.startswith(MOTIONS):
+        return KeyPosture(name=text, posture=_pick_frame(text, robot))
+    path = Path(text)
+    if not path.exists():
+        raise ValueError(
+            f"posture '{text}': no such file, expected a posture file or motions:NAME@TIME"
+        )
+    return KeyPosture(name=text, posture=load_posture(path, robot))
+
+
+def _pick_frame(text: str, robot: Robot) -> Posture:
+    name, _, at = text.removeprefix(MOTIONS).rpartition("@")
+    try:
+        time = float(at)
+    except ValueError:
+        time = math.nan
+    if not name or not math.isfinite(time):
+        raise ValueError(f"posture '{text}': expected motions:NAME@TIME, such as {EXAMPLE}")
+    motion = find_motion(robot, name)
+    if not 0.0 <= time <= motion.duration:
+        raise ValueError(
+            f"posture '{text}': its time is {time:g} s, expected 0 to {motion.duration:.2f} s"
+        )
+    return motion.posture(int(np.argmin(np.abs(motion.time - motion.time[0] - time))))

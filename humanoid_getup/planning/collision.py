@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.motions.key_posture import KeyPosture
+from humanoid_getup.motions.motion_database import KeyPosture
 from humanoid_getup.scenes.ground import Ground
 from humanoid_getup.scenes.obstacle import Crossings
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene

@@ -10,9 +10,8 @@ from functools import partial
 import numpy as np
 
 from humanoid_getup.experiments.starts.falls import classify
-from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
-from humanoid_getup.motions.motion_database import Connection, MotionDatabase
+from humanoid_getup.motions.motion_database import Connection, KeyPosture, MotionDatabase
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.planning.collision import CollisionChecker

@@ -14,7 +14,7 @@ from humanoid_getup.planning.collision import CollisionChecker, to_configuration
 from humanoid_getup.planning.posture_space import PositionSpace
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, search
 from humanoid_getup.simulation.clearance import Clearance
-from humanoid_getup.simulation.standing_places import StandingPlaces
+from humanoid_getup.simulation.placement import StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.body.parts import leg_length

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from drivers import State
 from drivers.safety_limits import find_max_temperature
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import MotionPlayer
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion

@@ -16,9 +16,7 @@ from humanoid_getup.experiments.judging.torque import find_longest, find_saturat
 from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
-from humanoid_getup.playback.ending import has_succeeded, hold_time
-from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play_in_simulation
+from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play_in_simulation
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
 from robots.body.overlap import measure_pair_overlaps, overlaps_at

@@ -10,7 +10,6 @@ import numpy as np
 from drivers import Command, Guidance, State
 from humanoid_getup.motions.motion import STANDING, Motion
 from humanoid_getup.playback.balance import Balance, make_balance
-from humanoid_getup.playback.ending import hold_time
 from humanoid_getup.playback.monitors import (
     Abort,
     MotionMonitor,
@@ -18,7 +17,7 @@ from humanoid_getup.playback.monitors import (
     RunMonitor,
     ServoMonitor,
 )
-from humanoid_getup.playback.motion_player import MotionPlayer, TimedController
+from humanoid_getup.playback.play import MotionPlayer, TimedController, hold_time
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
 from robots import Robot

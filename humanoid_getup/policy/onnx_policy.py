@@ -21,10 +21,9 @@ from humanoid_getup.policy.observation import (
 from humanoid_getup.policy.onnx_file import NetworkError
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.style_follower import StyleFollower
+from humanoid_getup.style.curve_tracker import FollowedStyle
 from humanoid_getup.style.features import UNKNOWN
-from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_errors import FollowedStyle
-from humanoid_getup.style.style_file import load_any_style
+from humanoid_getup.style.style import Style, load_any_style
 from robots import Robot
 from robots.arguments import expect
 from robots.kinematics import GravitySense, imu_in_torso

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.policy.observation import Sensed, observe_style
-from humanoid_getup.style.curve_tracker import CurveTracker
+from humanoid_getup.style.curve_tracker import CurveTracker, FollowedStyle, StyleErrors
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.features import COUNT
-from humanoid_getup.style.style_errors import FollowedStyle, StyleErrors
 from robots import Robot
 from robots.quaternion import Array
 

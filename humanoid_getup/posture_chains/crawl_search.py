@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
+from humanoid_getup.experiments.disturbances import Disturbance, Scenarios
 from humanoid_getup.experiments.judging.torque import count_runs, find_saturation
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.posture_chains.features import PlaceMeter
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves

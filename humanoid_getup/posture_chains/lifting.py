@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove, sample_moves
 from humanoid_getup.posture_chains.ways_up import HOLDING, SQUAT_TIME

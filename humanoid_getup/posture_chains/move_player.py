@@ -8,17 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
-from humanoid_getup.experiments.disturbances.disturbance import (
+from humanoid_getup.experiments.disturbances import (
     USUAL,
     Disturbance,
+    Normal,
     Scenarios,
+    Uniform,
 )
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.judging.torque import find_saturation
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.posture_chains.features import Meter
 from humanoid_getup.posture_chains.resting_state import (
     Archive,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import FOUND, StartClass
 from humanoid_getup.motions.preference import Preference

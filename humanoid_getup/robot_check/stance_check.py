@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 
 from drivers.twin.device_models import AMBIENT_TEMPERATURE, Windings
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.robot_check.finding import CheckFinding
 from humanoid_getup.simulation.world import World, find_touching_bodies
 from robots import Robot

@@ -12,8 +12,7 @@ from msgspec import Meta
 
 from humanoid_getup.scenes.ground import FLAT, Ground, HeightField, Slope, Surface
 from humanoid_getup.scenes.obstacle import Obstacle, make_capsule
-from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.scenes.scene import Scene, StartRegion
 from robots import Robot, quaternion
 from robots.body.parts import leg_length
 from robots.ground import GROUND_FRICTION

@@ -12,8 +12,7 @@ from msgspec import Meta
 
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES, classify
-from humanoid_getup.motions.key_posture import KeyPosture
-from humanoid_getup.motions.motion_database import MotionDatabase
+from humanoid_getup.motions.motion_database import KeyPosture, MotionDatabase
 from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World

@@ -9,7 +9,7 @@ import numpy as np
 
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Slowdown
 from humanoid_getup.motions.motion_database import Connection
-from humanoid_getup.simulation.standing_places import StandingPlaces
+from humanoid_getup.simulation.placement import StandingPlaces
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.rise_search import (
     FINALISTS,

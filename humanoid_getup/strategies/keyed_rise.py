@@ -12,9 +12,8 @@ import numpy as np
 
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout
 from humanoid_getup.motions.course import Course
-from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion import Motion, Trajectory
-from humanoid_getup.motions.motion_database import Connection, MotionDatabase
+from humanoid_getup.motions.motion_database import Connection, KeyPosture, MotionDatabase
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import REST, PathOptions, place_stops, plan_via
 from humanoid_getup.planning.rrt_blossom import SearchStatus

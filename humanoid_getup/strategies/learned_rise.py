@@ -17,11 +17,14 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.ground import FLAT, Ground
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, PlanFigures, RisePlan, RiseStatus, Strategy
-from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.extraction import ExtractionError, extract_curves, measure_features
-from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_errors import FollowedStyle
-from humanoid_getup.style.style_file import load_style
+from humanoid_getup.style.curve_tracker import FollowedStyle
+from humanoid_getup.style.curves import (
+    ExtractionError,
+    StyleCurves,
+    extract_curves,
+    measure_features,
+)
+from humanoid_getup.style.style import Style, load_style
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
 from robots.arguments import expect
 from robots.kinematics import place_postures

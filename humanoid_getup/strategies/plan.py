@@ -21,7 +21,7 @@ from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_record import KeyFigures, KeyRecord
-from humanoid_getup.style.style_errors import StyleFigures
+from humanoid_getup.style.curve_tracker import StyleFigures
 from robots import Posture, TorqueLimit
 
 

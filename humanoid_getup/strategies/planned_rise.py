@@ -13,12 +13,13 @@ from humanoid_getup.experiments.starts.falls import CLASSES, classify, find_side
 from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.course import Course, record_motion
-from humanoid_getup.motions.key_posture import KeyPosture, name_keys
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import (
     Connection,
+    KeyPosture,
     MotionDatabase,
     load_database,
+    name_keys,
     suggest_motions,
 )
 from humanoid_getup.motions.preference import PreferenceName

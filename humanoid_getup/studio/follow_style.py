@@ -15,12 +15,11 @@ from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.playback.supervisor import supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor
-from humanoid_getup.simulation.standing_places import check_standing_place
+from humanoid_getup.simulation.placement import check_standing_place
 from humanoid_getup.simulation.world import World
-from humanoid_getup.style.curves import StyleCurves, is_stand
-from humanoid_getup.style.extraction import measure_features
+from humanoid_getup.style.curve_tracker import FollowedStyle
+from humanoid_getup.style.curves import StyleCurves, is_stand, measure_features
 from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_errors import FollowedStyle
 from robots import Posture
 from robots.kinematics import place
 from robots.quaternion import Array

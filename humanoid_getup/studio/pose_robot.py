@@ -21,7 +21,7 @@ from humanoid_getup.experiments.starts.falls import (
 )
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.simulation.clearance import Clearance
-from humanoid_getup.simulation.standing_places import check_standing_place
+from humanoid_getup.simulation.placement import check_standing_place
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.body.limbs import Limbs

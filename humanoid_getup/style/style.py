@@ -1,15 +1,29 @@
-"""A style: curves for one or several ways of lying; a rise follows the nearest."""
+"""Styles: curves for one or several ways of lying, of which a rise follows the nearest.
+
+A style file is TOML, with angles in degrees and durations for a length of legs.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tomlkit
+from msgspec import Meta
 
-from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.curves import POINTS, StyleCurves
 from humanoid_getup.style.features import angle_distance
+from robots import Robot
+from robots.arguments import expect
+from robots.body.parts import leg_length
 from robots.quaternion import Array
+from robots.storage.files import readable, write_atomically
+from robots.storage.toml_document import Value, commented, plain, rounded, tables_of
+from robots.storage.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
 
 ALIKE = np.radians(5.0)  # by which the beginnings of curves may differ that are nearly alike
 
@@ -54,3 +68,155 @@ class Style:
         every = [*self.curves, *(curve.mirrored() for curve in self.curves)]
         begins = np.array([curve.points[0] for curve in every])
         return every, begins, np.array([round(curve.turn, 6) for curve in every])
+
+
+FOLDER = Path(__file__).parent / "named"
+SUFFIX = ".toml"
+LONGEST = 60.0  # s, of the body that the durations are of
+TALLEST = 10.0  # m
+DIGITS = 8  # of a duration or length
+SHARE_DIGITS, ANGLE_DIGITS = 4, 2  # decimals of a share of standing, and of an angle in degrees
+
+Points = Annotated[Array, on_axes(1)]
+Seconds = Annotated[float, positive(LONGEST, "s")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvesTable:
+    """Curves in a style file, nine control points each."""
+
+    start: str = ""
+    """How the body lies at their beginning; for readers only."""
+    neck_height: Points
+    side_deg: Points
+    front_deg: Points
+    duration: Seconds | None = None
+    """[s]; the style's own if left out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StyleTable:
+    """The content of a style file."""
+
+    about: str = ""
+    leg_length: Annotated[float, positive(TALLEST, "m")]
+    """Leg length of the body to which the durations belong [m]."""
+    duration: Seconds | None = None
+    """Duration of the curves that have none of their own [s]."""
+    curves: Annotated[
+        tuple[CurvesTable, ...], Meta(min_length=1, description="one or more tables [[curves]]")
+    ]
+
+
+def list_styles() -> list[str]:
+    """List the named styles."""
+    return sorted(file.stem for file in FOLDER.glob(f"*{SUFFIX}"))
+
+
+def load_style(name: str | Path, robot: Robot) -> Style:
+    """Load a style by name, or from a TOML file, with durations for a robot.
+
+    Durations of bodies that move alike grow with the square root of the length of their legs.
+
+    Raises:
+        ValueError: if there is no such style, or its file is wrong.
+        ValueError: if an argument is of another type.
+    """
+    expect("style", name, str | Path, f"a name or a {SUFFIX} file")
+    expect("robot", robot, Robot, "a Robot, e.g. load_robot('op3')")
+    name = str(name)
+    if name.endswith(SUFFIX):
+        return read_style(Path(name), robot)
+    if name not in list_styles():
+        raise ValueError(
+            f"unknown style '{name}', expected {', '.join(list_styles())} or a {SUFFIX} file"
+        )
+    return read_style(FOLDER / f"{name}{SUFFIX}", robot)
+
+
+def load_any_style(robot: Robot) -> Style:
+    """Load all named styles as one; `Style.choose` chooses among its curves."""
+    styles = [load_style(name, robot) for name in list_styles()]
+    curves = tuple(curve for style in styles for curve in style.curves)
+    return Style(name="any", about="the nearest of all named styles", curves=curves)
+
+
+def read_style(file: Path, robot: Robot) -> Style:
+    """Read a style file, with durations for a robot.
+
+    Raises:
+        ValueError: naming all that is wrong.
+    """
+    problems: list[str] = []
+    try:
+        content = load_toml(file)
+        table = read_table(StyleTable, content, "", problems)
+        problems += find_unknown_keys(StyleTable, content)
+    except ValueError as error:
+        raise ValueError(f"style file {file}: {error}") from error
+    curves: list[StyleCurves] = []
+    if not problems:
+        factor = _scale(robot, table.leg_length)
+        for number, row in enumerate(table.curves, start=1):
+            try:
+                curves.append(_build(row, table.duration, factor))
+            except ValueError as error:
+                problems.append(f"curves {number}: {error}")
+    if problems:
+        raise ValueError(f"style file {file}: {'; '.join(problems)}")
+    return Style(name=readable(file.stem), about=table.about, curves=tuple(curves))
+
+
+def write_style(style: Style, robot: Robot, file: Path) -> None:
+    """Write a style file with durations for a robot."""
+    document = tomlkit.document()
+    if style.about:
+        document.add("about", tomlkit.item(readable(style.about)))
+    length = commented(rounded(leg_length(robot), DIGITS), f"m; of {robot.name}, as the durations")
+    document.add("leg_length", length)
+    document.add("curves", tables_of(map(_describe, style.curves)))
+    write_atomically(file, document.as_string())
+
+
+def _scale(robot: Robot, length: float) -> float:
+    """Return the factor from durations for a length of legs [m] to those for a robot."""
+    own = leg_length(robot)
+    return 1.0 if length == rounded(own, DIGITS) else math.sqrt(own / length)
+
+
+def round_curves(curves: StyleCurves) -> StyleCurves:
+    """Round curves to the digits of a style file."""
+    return replace(
+        curves,
+        neck_height=np.round(curves.neck_height, SHARE_DIGITS),
+        side=np.radians(np.round(np.degrees(curves.side), ANGLE_DIGITS)),
+        front=np.radians(np.round(np.degrees(curves.front), ANGLE_DIGITS)),
+        duration=float(rounded(curves.duration, DIGITS)),
+    )
+
+
+def _describe(curve: StyleCurves) -> dict[str, Value]:
+    head: dict[str, Value] = {"start": curve.start} if curve.start else {}
+    return head | {
+        "duration": commented(rounded(curve.duration, DIGITS), "s"),
+        "neck_height": [plain(value, SHARE_DIGITS) for value in curve.neck_height],
+        "side_deg": [plain(value, ANGLE_DIGITS) for value in np.degrees(curve.side)],
+        "front_deg": [plain(value, ANGLE_DIGITS) for value in np.degrees(curve.front)],
+    }
+
+
+def _build(row: CurvesTable, duration: float | None, factor: float) -> StyleCurves:
+    seconds = duration if row.duration is None else row.duration
+    if seconds is None:
+        raise ValueError("duration is missing, expected seconds here, or for all curves")
+    for key in ("neck_height", "side_deg", "front_deg"):
+        values = getattr(row, key)
+        if len(values) != POINTS:
+            raise ValueError(f"{key} has {len(values)} points, expected {POINTS}")
+    return StyleCurves(
+        neck_height=row.neck_height,
+        side=np.radians(row.side_deg),
+        front=np.radians(row.front_deg),
+        duration=factor * seconds,
+        start=row.start,
+    )

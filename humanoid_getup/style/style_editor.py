@@ -12,8 +12,7 @@ from scipy.optimize import brentq
 
 from humanoid_getup.style.curves import HIGHEST, PLACES, POINTS, StyleCurves
 from humanoid_getup.style.features import COUNT
-from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_file import round_curves, write_style
+from humanoid_getup.style.style import Style, round_curves, write_style
 from robots import Robot
 from robots.quaternion import Array
 

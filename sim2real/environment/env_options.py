@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from humanoid_getup.experiments.disturbances.distributions import (
+from humanoid_getup.experiments.disturbances import (
+    Disturbance,
     LogUniform,
     Mixture,
     Normal,
     Uniform,
 )
-from humanoid_getup.experiments.disturbances.disturbance import Disturbance
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from robots.ground import GROUND_FRICTION

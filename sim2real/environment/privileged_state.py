@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbances.disturbance import MOST_DELAY
+from humanoid_getup.experiments.disturbances import MOST_DELAY
 from humanoid_getup.policy.observation import ROTATION, SAME, VECTOR, Floats, Mirror
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import Robot

@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbances.disturbance import USUAL
+from humanoid_getup.experiments.disturbances import USUAL
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.judging.outcome import Outcome, compute_share
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions.build import SOUND, NoEntryError, with_entries
 from humanoid_getup.motions.course import record_motion
 from humanoid_getup.motions.motion import Motion, hold_last

@@ -11,8 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.extraction import extract_curves, measure_features
+from humanoid_getup.style.curves import StyleCurves, extract_curves, measure_features
 from robots import Robot
 from robots.quaternion import Array
 from robots.storage.arrays import (

@@ -12,7 +12,7 @@ import numpy as np
 
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.style_file import list_styles, load_style
+from humanoid_getup.style.style import list_styles, load_style
 from robots import Robot
 from robots.body.parts import leg_length
 from robots.storage.files import atomic_path

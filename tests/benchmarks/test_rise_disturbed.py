@@ -11,7 +11,7 @@ from nonempty import nonempty
 from rise_disturbed import CHANGES, DisturbedOptions, OtherChange
 
 from drivers import Command, Twin
-from humanoid_getup.benchmarks.disturbed import (
+from humanoid_getup.benchmarks.rise import (
     FEEDBACK,
     OPEN_LOOP,
     WeakTwin,

@@ -20,7 +20,7 @@ import numpy as np
 sys.path.append(sys.argv[1])
 from authored import load_robot_keyframes
 from humanoid_getup.commands.main import main
-from humanoid_getup.motions.scoring import KeyframePopulation
+from humanoid_getup.motions.trial import KeyframePopulation
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames, save_strip
 from humanoid_getup.simulation.world import World

@@ -10,8 +10,8 @@ from spoiling import complaint, spoil
 
 from drivers import Command, GuardLimits, SafetyGuard, Twin
 from drivers.servo_units import ServoUnits
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import list_sides
 from humanoid_getup.simulation.world import World

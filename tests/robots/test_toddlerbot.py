@@ -9,9 +9,9 @@ from paths import SHARED
 
 from drivers import Command, SafetyGuard, Twin
 from drivers.servo_units import ServoUnits
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.standing import HOLD_TIME, MAX_TILT, is_upright
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.optimization import SWAY_TIME
 from humanoid_getup.simulation.domain_parameters import DomainParameters

@@ -15,7 +15,7 @@ from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_
 from humanoid_getup.policy.observation import StyleInput, list_terms
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.style.style_file import load_any_style
+from humanoid_getup.style.style import load_any_style
 from robots import Robot, load_robot
 from robots.kinematics import place
 from sim2real import perturbations

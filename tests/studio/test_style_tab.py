@@ -12,8 +12,8 @@ pytest.importorskip("viser", reason="needs the studio extra")
 
 from humanoid_getup.studio.tabs.style_tab import StyleTab
 from humanoid_getup.studio.takes.take import Take
+from humanoid_getup.style.style import load_style, write_style
 from humanoid_getup.style.style_editor import find_rise
-from humanoid_getup.style.style_file import load_style, write_style
 from robots import load_robot
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from humanoid_getup.policy.action import build_posture_spec
-from humanoid_getup.style.style_file import load_any_style
+from humanoid_getup.style.style import load_any_style
 from robots import Robot
 from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.env_options import EnvOptions

@@ -12,7 +12,7 @@ from typing import Any
 from drivers import SafetyGuard
 from drivers.terminal_keys import StopKey
 from humanoid_getup.commands.get_up.options import MoveOptions
-from humanoid_getup.execution.phase import Phase, PhaseChange
+from humanoid_getup.execution.session import Phase, PhaseChange
 
 SAME_PRESS = 0.5  # s after a release within which a key repeats itself, or is pressed twice
 

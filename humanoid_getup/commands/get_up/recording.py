@@ -9,7 +9,7 @@ from typing import Any
 from drivers import Cycle
 from drivers.flight_log.writer import FlightLog, make_room
 from humanoid_getup.commands.get_up.options import MoveOptions
-from humanoid_getup.execution.phase import PhaseChange
+from humanoid_getup.execution.session import PhaseChange
 from robots import Posture, Robot
 
 FLIGHT = "flight.mcap"

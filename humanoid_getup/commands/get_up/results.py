@@ -32,7 +32,7 @@ from humanoid_getup.execution.session import Then
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.reporting import film_strip, plots, style_plot
+from humanoid_getup.reporting import film_strip, plots
 from humanoid_getup.reporting.report import (
     ReportHead,
     RiseReport,
@@ -229,7 +229,7 @@ def _draw_style(report: RiseReport, flight: Path, picture: Path) -> None:
         return
     title = f"{report.robot}, {report.start_class}: style {report.style}"
     try:
-        style_plot.save_flight(FlightRecord.load(flight), picture, title=title)
+        plots.save_followed(FlightRecord.load(flight), picture, title=title)
     except (ValueError, OSError) as error:  # an incomplete log, a full disk
         report.warnings.append(f"no {STYLE}: {describe(error)}")
 

@@ -15,9 +15,8 @@ from humanoid_getup.commands.get_up.options import MP4, MoveOptions
 from humanoid_getup.commands.get_up.recording import FlightRecorder
 from humanoid_getup.commands.viewer import viewing
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
-from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.execution.session import Session, SessionOptions
+from humanoid_getup.execution.session import Phase, PhaseChange, Session, SessionOptions
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit

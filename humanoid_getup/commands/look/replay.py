@@ -22,7 +22,7 @@ from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.values import between
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting import plots, style_plot
+from humanoid_getup.reporting import plots
 from humanoid_getup.reporting.measured_flight import (
     Cut,
     FlightPostures,
@@ -208,6 +208,6 @@ def _write(flight: ReplayedFlight, out: Path, monitor: ProgressMonitor) -> tuple
         write_atomically(folder / FIGURES, to_json(flight.describe()))
         plots.save_flight(record, folder / FLIGHT, title=title)
         plots.save_difference(flight.report, folder / DIFFERENCE, title=f"{title}: replay")
-        style_plot.save_flight(record, folder / STYLE, title=f"{title}: style")
+        plots.save_followed(record, folder / STYLE, title=f"{title}: style")
         monitor.check()
     return tuple(out / name for name in REPLAY_FILES if (out / name).exists())

@@ -37,12 +37,10 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.motions.keyframes_writer import replace_keyframes, save_keyframes
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.motions.optimization import count_work
-from humanoid_getup.motions.search_log import SearchLog
+from humanoid_getup.motions.optimization import SearchLog, count_work
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor, Report
 from humanoid_getup.progress.worker import report
-from humanoid_getup.reporting.film_strip import NoRendererError
-from humanoid_getup.reporting.motion_strip import draw_motion
+from humanoid_getup.reporting.film_strip import NoRendererError, draw_motion
 from robots import Robot
 
 MOST_CMA_SEED = 2**31

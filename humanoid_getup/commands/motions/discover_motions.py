@@ -40,8 +40,7 @@ from humanoid_getup.motions.motion_database import name_robot
 from humanoid_getup.posture_chains.search_file import read_simulated
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
 from humanoid_getup.progress.worker import report
-from humanoid_getup.reporting.film_strip import NoRendererError
-from humanoid_getup.reporting.motion_strip import PostureRow, draw_motions
+from humanoid_getup.reporting.film_strip import NoRendererError, PostureRow, draw_motions
 from robots import Robot
 
 DEFAULT_ROBOT = "op3"

@@ -19,8 +19,7 @@ from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.film_strip import NoRendererError
-from humanoid_getup.reporting.motion_strip import draw_trial
+from humanoid_getup.reporting.film_strip import NoRendererError, draw_trial
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 

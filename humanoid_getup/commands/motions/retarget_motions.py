@@ -27,8 +27,7 @@ from humanoid_getup.commands.motions.build_motions import (
 from humanoid_getup.commands.options import RobotOption, write_command
 from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.motions.build import SOUND, build_unimproved, motion_file
-from humanoid_getup.motions.key_transfer import KeyTransfer
-from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.keyframes import Keyframes, KeyTransfer
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.motions.keyframes_writer import append_keyframes
 from humanoid_getup.motions.motion import STANDING

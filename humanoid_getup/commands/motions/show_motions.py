@@ -19,8 +19,7 @@ from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.film_strip import NoRendererError
-from humanoid_getup.reporting.motion_strip import draw_motion
+from humanoid_getup.reporting.film_strip import NoRendererError, draw_motion
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,11 +19,9 @@ from humanoid_getup.commands.plan.styles import StyleOutput, print_times
 from humanoid_getup.commands.values import between
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.strategies.learned_rise import measure_motion
-from humanoid_getup.style.curves import UPRIGHT_STAND, is_stand
-from humanoid_getup.style.extraction import extract_curves, measure_clip, trim
+from humanoid_getup.style.curves import UPRIGHT_STAND, extract_curves, is_stand, measure_clip, trim
 from humanoid_getup.style.features import FeatureSense
-from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_file import write_style
+from humanoid_getup.style.style import Style, write_style
 from robots import Robot
 from robots.body.parts import leg_length
 from robots.kinematics import GravitySense, imu_in_torso

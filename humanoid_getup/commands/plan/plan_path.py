@@ -20,8 +20,7 @@ from humanoid_getup.commands.options import NO_ORIGIN, BodyOption, Keys, Origin,
 from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.values import at_least
 from humanoid_getup.experiments.starts.falls import Fall
-from humanoid_getup.motions.key_posture import KeyPosture
-from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.motion_database import KeyPosture, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.path_query import (
@@ -34,8 +33,7 @@ from humanoid_getup.planning.path_query import (
 )
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.film_strip import NoRendererError
-from humanoid_getup.reporting.motion_strip import draw_motion
+from humanoid_getup.reporting.film_strip import NoRendererError, draw_motion
 from humanoid_getup.simulation.world import World
 
 PATH, STRIP = "path.npz", "strip.png"

@@ -18,7 +18,7 @@ from humanoid_getup.commands.options import BodyOption, MotionName, SceneOptions
 from humanoid_getup.commands.values import between
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback import preflight as judging
-from humanoid_getup.playback.ending import describe_end
+from humanoid_getup.playback.play import describe_end
 from humanoid_getup.playback.preflight import MotionVerdict, ReasonKind
 from humanoid_getup.playback.preflight_rollout import MOST_RISES
 from humanoid_getup.progress.callback import ProgressMonitor

@@ -20,12 +20,11 @@ from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import BodyOption, RobotOption
 from humanoid_getup.commands.values import between
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.style_plot import save_styles
+from humanoid_getup.reporting.plots import save_styles
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.style import Style
+from humanoid_getup.style.style import SUFFIX, Style, load_style, write_style
+from humanoid_getup.style.style import list_styles as list_names
 from humanoid_getup.style.style_editor import hold, rise_time, shift_rise
-from humanoid_getup.style.style_file import SUFFIX, load_style, write_style
-from humanoid_getup.style.style_file import list_styles as list_names
 from robots import Robot
 
 Factor = Annotated[float | None, between(1e-4, 1e4), arg(metavar="FACTOR")]

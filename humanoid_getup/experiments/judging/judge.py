@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from drivers import Cycle, State
 from drivers.errors import NoImuError
 from drivers.twin.simulation import Simulation
-from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import JointFigures, Outcome
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import (
     HOLD_TIME,
@@ -220,6 +220,28 @@ class SensorJudge:
         speed = np.abs(_column(states, "joint_vel", robot.n))
         still = (turn <= STILL_TURN) & np.all(speed <= STILL_JOINT, axis=1)
         return stance, is_upright(stance, robot) & still
+
+
+class JointJudge:
+    """Judges a run without an orientation: figures of the joints, but no stand."""
+
+    def __init__(self, robot: Robot, torque_limit: float | None) -> None:
+        """Judge under a torque limit [N·m]."""
+        self._robot, self._limit = robot, torque_limit
+        self._states: list[State] = []
+
+    def __call__(self, cycle: Cycle) -> None:
+        """Record a measurement."""
+        self._states.append(cycle.state)
+
+    def end(self) -> None:
+        """Return that it is not known whether the run ended in a stand."""
+
+    def conclude(self) -> JointFigures:
+        """Return the figures of the run."""
+        record = record_joints(self._robot, self._states, self._robot.control_period)
+        outcome = Outcome(record, self._robot, torque_limit=self._limit)
+        return outcome.figures(JointFigures)
 
 
 def record_joints(robot: Robot, states: Sequence[State], period: float) -> Record:

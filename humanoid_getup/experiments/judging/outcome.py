@@ -8,6 +8,7 @@ from functools import cached_property
 from inspect import signature
 from typing import TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -296,3 +297,27 @@ def find_impact(touch: Bools | None, speed: Array | None) -> Array | None:
         return None
     begins = touch[..., 1:] & ~touch[..., :-1]
     return np.where(begins, speed[..., :-1], 0.0).max(axis=-1, initial=0.0)
+
+
+class JointFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """Figures of a run, as reports name them; torques are estimated from currents."""
+
+    peak_torque_nm: float
+    """Greatest torque with which a servo drove its joint [N·m]."""
+    peak_braking_torque_nm: float
+    """Greatest torque with which a servo was turned from outside [N·m]."""
+    rms_torque_nm: float
+    """RMS over all joints and the whole run [N·m]."""
+    torque_use: float
+    """Largest driving torque of any servo as a share of its limit."""
+    peak_velocity_rad_s: float
+    """[rad/s]"""
+    limit_violations: int
+    """Number of times a joint left its range."""
+
+    def __str__(self) -> str:
+        """Describe the load of the servos in one line."""
+        return (
+            f"peak about {self.peak_torque_nm:.2f} N·m ({self.torque_use:.0%} of the limit), RMS "
+            f"{self.rms_torque_nm:.2f} N·m, peak {self.peak_velocity_rad_s:.1f} rad/s"
+        )

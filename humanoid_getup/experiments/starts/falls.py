@@ -11,17 +11,16 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.lying import LyingSide
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.experiments.starts.drop import (
     DROP_HEIGHT,
     LONGEST_FALL,
     Drops,
     FallError,
 )
-from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.scenes.scene import Scene, StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion

@@ -20,7 +20,7 @@ from humanoid_getup.commands.look.replay import (
     replay_flight,
 )
 from humanoid_getup.commands.options import write_command
-from humanoid_getup.execution.phase import Phase
+from humanoid_getup.execution.session import Phase
 from humanoid_getup.progress.worker import BackgroundJob
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport
 from humanoid_getup.simulation.world import World

@@ -31,9 +31,8 @@ from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.takes.rise_take import make_rollout_take
 from humanoid_getup.style.curves import LONGEST, POINTS, SHORTEST, is_stand
 from humanoid_getup.style.features import mirror_features
-from humanoid_getup.style.style import Style
+from humanoid_getup.style.style import SUFFIX, Style, list_styles, load_style
 from humanoid_getup.style.style_editor import StyleEditor, rise_time
-from humanoid_getup.style.style_file import SUFFIX, list_styles, load_style
 from robots import Posture
 from robots.description.posture_file import format_posture
 from robots.storage.files import write_atomically

@@ -11,7 +11,7 @@ import numpy as np
 from humanoid_getup.experiments.judging.standing import MAX_TILT, MIN_NECK_SHARE
 from humanoid_getup.experiments.judging.torque import find_available
 from humanoid_getup.motions.trial import Trial
-from humanoid_getup.playback.motion_player import find_approach_time
+from humanoid_getup.playback.play import find_approach_time
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan

@@ -16,8 +16,7 @@ from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps
-from humanoid_getup.style.curves import SavedState
-from humanoid_getup.style.extraction import compute_features
+from humanoid_getup.style.curves import SavedState, compute_features
 from humanoid_getup.style.features import measure_height_map
 from robots import quaternion
 from robots.quaternion import Array

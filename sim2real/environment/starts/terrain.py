@@ -12,8 +12,7 @@ import numpy as np
 
 from humanoid_getup.scenes.ground import HeightField
 from humanoid_getup.scenes.named_scenes import ROUGHNESS, TILE
-from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.scenes.scene import Scene, StartRegion
 from robots import Robot
 from robots.body.parts import leg_length
 from robots.quaternion import Array

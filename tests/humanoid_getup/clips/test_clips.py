@@ -10,11 +10,8 @@ import pytest
 from human_clips import write_human_bvh
 from paths import SHARED
 
-from humanoid_getup.clips.acclaim import INCH, read_acclaim
-from humanoid_getup.clips.bvh import read_bvh
-from humanoid_getup.clips.clip_file import read_clip
-from humanoid_getup.style.curves import PLACES
-from humanoid_getup.style.extraction import measure_clip
+from humanoid_getup.clips.clip_file import INCH, read_acclaim, read_bvh, read_clip
+from humanoid_getup.style.curves import PLACES, measure_clip
 
 TURN = "CHANNELS 3 Zrotation Xrotation Yrotation"
 SKELETON_BVH = f"""HIERARCHY ROOT Hips {{ OFFSET 0 0 0

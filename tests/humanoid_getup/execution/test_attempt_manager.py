@@ -10,10 +10,9 @@ from prone_motions import RIGHT, WRONG
 from drivers import Command, DriverError, SafetyGuard, State, Twin
 from humanoid_getup.execution import stand_keeper
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import OVERHEATING, OVERLOAD, Cooling, RebootBudget
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.session import Session
+from humanoid_getup.execution.session import Phase, PhaseChange, Session
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance
 from humanoid_getup.simulation.world import World

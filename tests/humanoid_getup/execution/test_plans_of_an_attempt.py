@@ -9,10 +9,9 @@ from prone_motions import RIGHT, WRONG
 from drivers import Twin
 from humanoid_getup.execution import attempt_manager
 from humanoid_getup.execution.attempt_manager import MOST_MOVES, MOST_PLANS
-from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.get_up import get_up as get_robot_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.execution.session import DeadReckoning, SessionOptions
 from humanoid_getup.motions.motion import NO_END, Motion
 from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
 from humanoid_getup.simulation.placement import Placement

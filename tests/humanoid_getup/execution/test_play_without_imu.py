@@ -12,7 +12,7 @@ from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.judge import SensorJudge
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
-from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import MotionPlayer
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Posture, Robot, quaternion

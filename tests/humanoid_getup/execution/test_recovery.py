@@ -17,9 +17,8 @@ from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
-from humanoid_getup.execution.session import Session
+from humanoid_getup.execution.session import Phase, PhaseChange, Session
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Robot

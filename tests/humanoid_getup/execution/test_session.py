@@ -7,8 +7,7 @@ import pytest
 from drivers import SafetyGuard, Twin
 from drivers.dynamixel.backend import DynamixelBackend
 from humanoid_getup.execution.session import Session, SessionOptions
-from humanoid_getup.experiments.judging.joint_judge import JointJudge
-from humanoid_getup.experiments.judging.judge import GroundTruthJudge, SensorJudge
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge, JointJudge, SensorJudge
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit
 

@@ -16,8 +16,7 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
 from humanoid_getup.execution import stand_keeper
-from humanoid_getup.execution.phase import Phase, PhaseChange
-from humanoid_getup.execution.session import Session, SessionOptions
+from humanoid_getup.execution.session import Phase, PhaseChange, Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import LONGEST_WAIT, StandKeeper, StandWatch
 from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.starts.falls import classify, settle_posture

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
-from humanoid_getup.experiments.rollouts.play import Experiment, play
+from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.rollouts import Experiment, play
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.filtering.candidate import Candidate, Slowdown, compose, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter

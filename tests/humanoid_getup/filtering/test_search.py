@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from cma.recombination_weights import RecombinationWeights
 
-from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.disturbances import USUAL, Scenarios
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.search import (
     PARENTS,

@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.rollouts.play import Feedback
+from humanoid_getup.experiments.rollouts import Feedback
 from humanoid_getup.filtering.tracking import LimbMap, compute_force, compute_torque
 from humanoid_getup.simulation.world import World
 from robots.kinematics import place

@@ -9,9 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mirror_images import mirror_posture
 
-from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import MotionDatabase, find_motion, load_database
+from humanoid_getup.motions.motion_database import (
+    MotionDatabase,
+    find_motion,
+    load_database,
+    load_key,
+)
 from humanoid_getup.motions.posture_metric import (
     SEGMENT_WEIGHT,
     PostureMetric,

@@ -6,16 +6,16 @@ from authored import load_robot_keyframes
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
+from humanoid_getup.experiments.disturbances import USUAL, Scenarios
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions import optimization
 from humanoid_getup.motions.build import lay_down, lay_on_side, settle
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import TrajectoryOptimizer, make_scenarios
 from humanoid_getup.motions.preference import PREFERENCE_NAMES, Preference
-from humanoid_getup.motions.scoring import score
+from humanoid_getup.motions.trial import score
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit, load_robot

@@ -7,8 +7,7 @@ import pytest
 from authored import load_robot_keyframes
 from model_files import write_model
 
-from humanoid_getup.motions.key_transfer import KeyTransfer
-from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.keyframes import Keyframes, KeyTransfer
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database
 from humanoid_getup.motions.retargeting import BODY, MOST_OVERLAP, Retargeting

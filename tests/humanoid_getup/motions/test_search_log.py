@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions import optimization
 from humanoid_getup.motions.build import make_task, settle
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.optimization import TrajectoryOptimizer
-from humanoid_getup.motions.search_log import POPULATION, SearchLog
+from humanoid_getup.motions.optimization import POPULATION, SearchLog, TrajectoryOptimizer
 from humanoid_getup.simulation.world import World
 from robots import Robot
 

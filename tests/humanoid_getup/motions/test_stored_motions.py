@@ -10,9 +10,7 @@ from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
-from humanoid_getup.playback.ending import has_succeeded, hold_time
-from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play
+from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play
 from robots import Robot, TorqueLimit, load_robot
 from robots.kinematics import read_posture
 

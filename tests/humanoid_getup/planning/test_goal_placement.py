@@ -12,8 +12,7 @@ from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.placement import DISTANCES, GoalPlacement
 from humanoid_getup.scenes.obstacle import Obstacle
-from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.scenes.scene import Scene, StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.motions.key_posture import KeyPosture, name_keys
+from humanoid_getup.motions.motion_database import KeyPosture, name_keys
 from humanoid_getup.planning.collision import check_keys
 from robots import Posture, Robot
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from humanoid_getup.filtering.candidate import straight_path
-from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion import NO_END
-from humanoid_getup.motions.motion_database import Connection
+from humanoid_getup.motions.motion_database import Connection, load_key
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
 from humanoid_getup.planning.path_planner import (

@@ -21,7 +21,7 @@ from humanoid_getup.planning.placement import (
 )
 from humanoid_getup.scenes.obstacle import Obstacle, make_capsule
 from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.simulation.standing_places import StandingPlaces
+from humanoid_getup.simulation.placement import StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.body.parts import leg_length

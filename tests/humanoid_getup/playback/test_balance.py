@@ -12,12 +12,11 @@ from nonempty import nonempty
 from recording_backend import still_state
 
 from drivers import Command, GuardLimits, SafetyGuard, State, Twin
-from humanoid_getup.benchmarks.disturbed import WorldChange
+from humanoid_getup.benchmarks.rise import WorldChange
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.balance import GAINS, Balance, find_ankles
-from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play
+from humanoid_getup.playback.play import MotionPlayer, play
 from humanoid_getup.playback.supervisor import Supervisor, make_stand, supervise_hold
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion

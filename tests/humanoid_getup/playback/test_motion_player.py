@@ -6,7 +6,7 @@ from recording_backend import still_state
 
 from drivers import State
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.motion_player import APPROACH_SPEED, MotionPlayer
+from humanoid_getup.playback.play import APPROACH_SPEED, MotionPlayer
 from robots import Robot
 
 PERIOD = 0.008

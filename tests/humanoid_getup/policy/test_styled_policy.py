@@ -11,8 +11,7 @@ from humanoid_getup.policy.observation import UPRIGHT, Sensed
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.policy.style_follower import StyleFollower
 from humanoid_getup.style.features import FeatureSense
-from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_file import load_style
+from humanoid_getup.style.style import Style, load_style
 from robots import Robot, quaternion
 
 SUPINE = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -0.5 * np.pi)

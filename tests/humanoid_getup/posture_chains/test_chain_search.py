@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
+from humanoid_getup.experiments.disturbances import USUAL, Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import find_motion

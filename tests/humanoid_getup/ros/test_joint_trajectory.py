@@ -22,8 +22,7 @@ from humanoid_getup.motions.importing.imported_keyframes import load_sequences
 from humanoid_getup.motions.importing.trajectory_file import CLOSE
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database
-from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play
+from humanoid_getup.playback.play import MotionPlayer, play
 from humanoid_getup.ros.joint_trajectory import JointTrajectory
 from robots import Robot, load_robot, quaternion
 from robots.kinematics import read_posture

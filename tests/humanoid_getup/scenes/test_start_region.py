@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.experiments.starts.falls import classify
-from humanoid_getup.scenes.start_region import ANYWHERE, StartRegion, lying
+from humanoid_getup.scenes.scene import ANYWHERE, StartRegion, lying
 from robots import Posture, quaternion
 
 REGION = StartRegion(

@@ -8,7 +8,7 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import Crossings, Obstacle, make_capsule
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import FINE, Clearance
-from humanoid_getup.simulation.standing_places import ROOM, StandingPlaces
+from humanoid_getup.simulation.placement import ROOM, StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.body.parts import leg_length

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import Twin
-from humanoid_getup.experiments.disturbances.disturbance import USUAL
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.disturbances import USUAL
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.playback.estimation import SINKING, estimate_posture
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.scenes.start_region import lying
+from humanoid_getup.scenes.scene import lying
 from humanoid_getup.simulation.physics_engine import find_coarse_step
 from humanoid_getup.simulation.placement import Placement, measure_heading
 from humanoid_getup.simulation.world import World

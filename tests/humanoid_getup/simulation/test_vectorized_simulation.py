@@ -8,8 +8,8 @@ import pytest
 
 from drivers import Command, Twin
 from drivers.servo_units import ServoUnits
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim

@@ -10,8 +10,7 @@ from stored_plans import lie_at_start
 
 from drivers import Twin
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.motions.key_posture import KeyPosture, load_key
-from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.motions.motion_database import KeyPosture, find_motion, load_key
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_record import CLOSE_JOINT, find_passes
 from humanoid_getup.strategies.keyed_rise import find_stretches

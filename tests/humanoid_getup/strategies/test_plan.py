@@ -4,7 +4,7 @@ import pytest
 
 from drivers import Twin
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
-from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import MotionPlayer
 from humanoid_getup.strategies import plan as plans
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.stored_motion import StoredMotion

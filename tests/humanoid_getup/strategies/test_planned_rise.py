@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from stored_plans import lie_at_start
 
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
-from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.preference import Preference

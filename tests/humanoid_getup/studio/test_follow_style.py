@@ -15,9 +15,8 @@ from humanoid_getup.commands.main import main
 from humanoid_getup.progress.callback import CancelledError
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.follow_style import RolloutRequest, StyledRollout, StyledTwin
-from humanoid_getup.style.style import Style
+from humanoid_getup.style.style import Style, load_style
 from humanoid_getup.style.style_editor import StyleEditor, find_rise
-from humanoid_getup.style.style_file import load_style
 from robots import Posture, Robot, load_posture
 from robots.description.posture_file import format_posture
 

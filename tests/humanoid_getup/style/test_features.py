@@ -8,7 +8,7 @@ import pytest
 from humanoid_getup.policy.observation import MAP
 from humanoid_getup.scenes.ground import HeightField, Slope
 from humanoid_getup.simulation.world import World
-from humanoid_getup.style.extraction import ExtractionError, extract_curves, measure_features, trim
+from humanoid_getup.style.curves import ExtractionError, extract_curves, measure_features, trim
 from humanoid_getup.style.features import (
     AROUND,
     FORWARD,

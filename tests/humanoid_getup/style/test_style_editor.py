@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from nonempty import nonempty
 
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.style import Style
+from humanoid_getup.style.style import Style, list_styles, load_style
 from humanoid_getup.style.style_editor import StyleEditor, find_rise, hold, rise_time, shift_rise
-from humanoid_getup.style.style_file import list_styles, load_style
 from robots import Robot
 
 

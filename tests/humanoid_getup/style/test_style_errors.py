@@ -5,10 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from humanoid_getup.style.curve_tracker import MOST_DEVIATION_TIME, CurveTracker
+from humanoid_getup.style.curve_tracker import (
+    MOST_DEVIATION_TIME,
+    CurveTracker,
+    FollowedStyle,
+    StyleErrors,
+)
 from humanoid_getup.style.curves import UPRIGHT_STAND, StyleCurves
-from humanoid_getup.style.style_errors import FollowedStyle, StyleErrors
-from humanoid_getup.style.style_file import load_style
+from humanoid_getup.style.style import load_style
 from robots import Robot
 
 STEP = 0.5  # s

@@ -8,8 +8,9 @@ import pytest
 from nonempty import nonempty
 
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.style import ALIKE, Style
-from humanoid_getup.style.style_file import (
+from humanoid_getup.style.style import (
+    ALIKE,
+    Style,
     list_styles,
     load_any_style,
     load_style,

@@ -20,7 +20,7 @@ from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.policy.observation import UPRIGHT
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
-from humanoid_getup.style.style_file import load_style
+from humanoid_getup.style.style import load_style
 from robots import Robot
 from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.get_up_env import GetUpEnv

@@ -20,7 +20,7 @@ from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.get_up.results import FinishedRise
 from humanoid_getup.commands.get_up.session_hooks import NoOperator
 from humanoid_getup.commands.main import main
-from humanoid_getup.execution.phase import Phase
+from humanoid_getup.execution.session import Phase
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots.storage.encoding import to_json

@@ -17,7 +17,7 @@ from humanoid_getup.commands.get_up.operator_key import SAME_PRESS, OperatorKey
 from humanoid_getup.commands.get_up.options import GetUpOptions
 from humanoid_getup.commands.get_up.play import PlayRequest
 from humanoid_getup.commands.main import main
-from humanoid_getup.execution.phase import Phase, PhaseChange
+from humanoid_getup.execution.session import Phase, PhaseChange
 from robots import Robot
 
 SQUAT = "squat_to_stand"

@@ -10,8 +10,8 @@ from run_getup import Run
 
 from humanoid_getup.commands.plan.plan_path import PlanRequest, plan
 from humanoid_getup.experiments.starts.falls import sample_fall
-from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import load_key
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.description.posture_file import format_posture

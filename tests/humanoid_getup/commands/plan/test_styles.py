@@ -15,8 +15,8 @@ from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.plan.extract_style import ExtractRequest, extract_style
 from humanoid_getup.commands.plan.styles import EditStyleRequest, edit_style
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet
+from humanoid_getup.style.style import list_styles, load_style, read_style
 from humanoid_getup.style.style_editor import rise_time
-from humanoid_getup.style.style_file import list_styles, load_style, read_style
 from robots import Robot
 
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from stored_plans import lie_at_start
 
-from humanoid_getup.experiments.disturbances.distributions import (
+from humanoid_getup.experiments.disturbances import (
+    USUAL,
+    Disturbance,
     LogUniform,
     Mixture,
     Normal,
@@ -14,7 +16,6 @@ from humanoid_getup.experiments.disturbances.distributions import (
     Uniform,
     draw,
 )
-from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturbance
 from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.clearance import Clearance

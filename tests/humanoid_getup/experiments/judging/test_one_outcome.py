@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from drivers import Command, Twin
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import join_records
-from humanoid_getup.experiments.rollouts.play import Experiment, play
+from humanoid_getup.experiments.rollouts import Experiment, play
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database

@@ -17,7 +17,7 @@ from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.playback.motion_player import MotionPlayer
+from humanoid_getup.playback.play import MotionPlayer
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion
 from robots.kinematics import GravitySense, lowest_point, place, read_posture, torso_orientation

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from records import make_record
 
-from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
-from humanoid_getup.experiments.disturbances.disturbance import USUAL
+from humanoid_getup.experiments.disturbances import USUAL, Normal, Uniform
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import Stance
 from humanoid_getup.experiments.judging.torque import LONG_SATURATION
-from humanoid_getup.experiments.rollouts.early_stop import CHUNK, EarlyStop
-from humanoid_getup.experiments.rollouts.play import Experiment, play
+from humanoid_getup.experiments.rollouts import CHUNK, EarlyStop, Experiment, play
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
 from robots import TorqueLimit

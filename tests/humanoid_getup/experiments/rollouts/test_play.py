@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.record import join_records
-from humanoid_getup.experiments.rollouts.play import Experiment, play
+from humanoid_getup.experiments.rollouts import Experiment, play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World

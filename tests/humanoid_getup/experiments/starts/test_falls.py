@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.experiments.starts.falls import FallSet, classify, sample_fall_set, sample_falls
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import quaternion

@@ -8,8 +8,7 @@ from humanoid_getup.experiments.starts.drop import FallError
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import Obstacle
-from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.scenes.start_region import StartRegion
+from humanoid_getup.scenes.scene import Scene, StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion

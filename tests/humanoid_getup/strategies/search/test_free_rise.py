@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from humanoid_getup.filtering.candidate import Candidate
-from humanoid_getup.scenes.scene import FLAT_SCENE
-from humanoid_getup.scenes.start_region import lying
-from humanoid_getup.simulation.standing_places import StandingPlaces
+from humanoid_getup.scenes.scene import FLAT_SCENE, lying
+from humanoid_getup.simulation.placement import StandingPlaces
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.free_rise import (
     FIRST_CONNECTIONS,

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.disturbances.disturbance import MOST_DELAY
+from humanoid_getup.experiments.disturbances import MOST_DELAY
 from humanoid_getup.policy.action import between
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.domain_parameters import DomainParameters

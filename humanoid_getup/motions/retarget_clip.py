@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from humanoid_getup.clips.clip import Clip
 from humanoid_getup.experiments.starts.falls import classify
+from humanoid_getup.motions.clip_body import ClipBody, read_body
 from humanoid_getup.motions.keyframes import SPEED_SHARE
-from humanoid_getup.motions.mocap.clip_body import ClipBody, read_body
 from humanoid_getup.motions.motion import (
     MAX_DURATION,
     NO_END,

@@ -1,1 +1,0 @@
-"""Disturbances: differences of robots and worlds from the planned ones."""

@@ -1,1 +1,0 @@
-"""Rollouts: targets and feedback laws played on many robots at once."""

@@ -1,1 +1,0 @@
-"""Motion capture: clips of moving bodies as motions of a robot."""

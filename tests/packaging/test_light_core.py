@@ -1,4 +1,4 @@
-"""A robot's computer needs no learning framework: the core packages never import one."""
+"""A robot's computer needs no learning framework, and a rise no optimizer."""
 
 import subprocess
 import sys
@@ -27,3 +27,29 @@ print(*(name in sys.modules for name in imported))
 def test_no_module_of_the_core_imports_a_learning_framework():
     result = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True)
     assert result.stdout.splitlines() == ["0 []", "True True"], result.stderr
+
+
+HEAVY = (
+    "cma",
+    "scipy.stats",
+    "matplotlib.pyplot",
+    "humanoid_getup.motions.build",
+    "humanoid_getup.motions.keyframes",
+    "humanoid_getup.motions.optimization",
+)
+USED = (
+    "execution.get_up",
+    "strategies.planned_rise",
+    "strategies.learned_rise",
+    "strategies.stored_motion",
+    "strategies.choice",
+)
+
+
+def test_getting_up_imports_neither_an_optimizer_nor_statistics_nor_plots():
+    imports = "; ".join(f"import humanoid_getup.{module}" for module in USED)
+    program = f"import sys; {imports}; print(*[m for m in {HEAVY} if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == []

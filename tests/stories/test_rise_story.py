@@ -1,6 +1,9 @@
 """The main job through its real parts: a fall, a plan, the filter, the twin, a held stand."""
 
 import json
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +15,7 @@ from stored_plans import lie_at_start
 
 from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.commands.errors import HARDWARE_FAULT
 from humanoid_getup.commands.get_up.play import PlayRequest
 from humanoid_getup.commands.get_up.results import finish_rise, print_rise
 from humanoid_getup.commands.main import main
@@ -148,3 +152,76 @@ def played(op3: Robot, world: World) -> RiseResult:
     result = get_up(twin, strategy, max_attempts=1, options=options)
     assert result.stood
     return result
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("origin", ["supine", "prone", "left", "right"])
+def test_a_fallen_op3_gets_up(origin, seed, tmp_path):
+    out = tmp_path / "rise"
+    assert main(["rise", "--from", origin, "--seed", str(seed), "--out", str(out)]) == 0
+    report = json.loads((out / "report.json").read_text())
+    assert report["start_class"] == origin
+    assert report["planned"]
+    assert report["stood"]
+    assert report["hold_s"] >= 3.0
+    assert report["stand_time_s"] < 8.0
+    assert report["limit_violations"] == 0
+    assert report["clips"] == 0
+    assert (out / "motion.npz").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("origin", ["supine", "prone", "left"])
+def test_a_weak_op3_gets_up_too(origin, tmp_path):
+    code = main(["rise", "--from", origin, "--torque-limit", "2.5", "--out", str(tmp_path / "r")])
+    assert code == 0
+    report = json.loads((tmp_path / "r" / "report.json").read_text())
+    assert report["peak_torque_nm"] <= 2.5
+
+
+START = 60.0  # s that a program may take until it serves or has played
+
+
+@pytest.mark.slow  # half a minute
+@pytest.mark.parametrize("start", ["supine", "prone", "left", "right"])
+def test_a_fallen_robot_gets_up_over_the_bus_from_every_side(start: str, tmp_path: Path):
+    figures = tmp_path / "figures.json"
+    assert main(["rise", "--from", start, "--backend", "virtual", "--json", str(figures)]) == 0
+    report = json.loads(figures.read_text())
+    assert (report["stood"], report["backend"]) == (True, "virtual")
+    assert (report["judged_by"], report["attempts"]) == ("truth", 1)
+    assert report["stand_time_s"] < 10.0  # crossed limbs take a try more, within one plan
+
+
+@pytest.mark.realtime
+def test_a_robot_behind_a_port_is_judged_by_its_sensors_and_left_limp(tmp_path: Path):
+    """A bus in a process of its own, in real time; the client knows only its port.
+
+    A machine that is busy with other work cannot keep real time: the guard then stops the rise,
+    as it should. So there are three tries, each on a bus of its own.
+    """
+    for trial in range(3):
+        code, report = rise_behind_a_port(tmp_path / str(trial))
+        if code != HARDWARE_FAULT:
+            break
+    assert report["judged_by"] == "sensors"
+    assert (code, report["stood"]) == (0, True), report["reason"]
+    assert report["start_class"] == "supine"
+
+
+def rise_behind_a_port(folder: Path) -> tuple[int, dict]:
+    folder.mkdir()
+    link = folder / "port"
+    command = [sys.executable, "-m", "humanoid_getup.commands.main", "bus", "--from", "supine"]
+    with subprocess.Popen([*command, "--link", str(link)], stderr=subprocess.DEVNULL) as bus:
+        try:
+            until = time.monotonic() + START
+            while not link.exists() and time.monotonic() < until:
+                time.sleep(0.05)
+            figures = folder / "figures.json"
+            arguments = ["--backend", "dynamixel", "--port", str(link), "--json", str(figures)]
+            code = main(["rise", *arguments])
+        finally:
+            bus.terminate()
+    return code, json.loads(figures.read_text())

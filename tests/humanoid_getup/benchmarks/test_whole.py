@@ -17,6 +17,7 @@ from humanoid_getup.benchmarks.whole import (
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.reporting.benchmark_page import save_benchmark, write_page
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.stored_motion import StoredMotion
@@ -99,6 +100,27 @@ def test_classes_in_which_a_robot_never_lies_are_left_out_with_the_reason(op3):
     assert [fall.start_class for fall in falls.falls] == ["prone"]
     assert sorted(falls.missing) == ["left", "right", "supine"]
     assert "no start supine" in falls.missing["supine"]
+
+
+def test_the_page_has_every_figure_and_how_to_repeat_it(summary, tmp_path):
+    save_benchmark(list(summary.cases.values()), tmp_path / "benchmark.png")
+    assert (tmp_path / "benchmark.png").read_bytes().startswith(b"\x89PNG")
+    page = write_page(summary)
+    rows = [line for line in page.splitlines() if line.startswith("| ")]
+    for case in summary.cases.values():
+        assert sum(line.startswith(f"| {case.method} | {case.cap}") for line in rows) == 3
+    low, high = wilson_interval(0, 4)
+    assert f"| nothing | 61%, 2.5 N·m | 0 of 4 ({low:.0%} to {high:.0%}) | –" in page
+    for text in (
+        "**Not measured.** This robot flies.",
+        "20 × XM430-W350",
+        "12 V",
+        MOTION,
+        summary.command,
+        "pwm",
+    ):
+        assert text in page
+    assert all(line.count("|") == rows[0].count("|") for line in rows[:6])
 
 
 def test_conditions_are_those_of_robot_and_world(op3: Robot, world: World):

@@ -44,12 +44,9 @@ def test_a_servo_that_presses_yields_before_it_trips_and_nothing_else_changes(na
     np.testing.assert_array_equal(np.delete(sent, KNEE), np.delete(target, KNEE))
 
 
-def test_for_a_while_it_may_press_with_all_its_torque(op3):
+def test_for_a_while_it_may_press_and_it_follows_targets_within_its_reach_again(op3):
     _, _, target, sent = press(op3, cycles=round(0.5 * LONG_SATURATION / op3.control_period))
     np.testing.assert_array_equal(sent, target)
-
-
-def test_it_follows_its_targets_again_once_they_are_within_its_reach(op3):
     yielding, stance, target, sent = press(op3)
     near = stance + 0.5 * PRESSING / BEYOND * (target - stance)
     np.testing.assert_array_equal(yielding.ease(near, sent, stance), np.zeros_like(near))

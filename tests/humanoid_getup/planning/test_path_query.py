@@ -1,15 +1,16 @@
 """Answers to path queries: how long a path is, and the motion that it makes."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from humanoid_getup.filtering.candidate import straight_path
 from humanoid_getup.motions.motion import NO_END
-from humanoid_getup.motions.motion_database import Connection, load_key
+from humanoid_getup.motions.motion_database import Connection, KeyPosture, load_key, name_keys
 from humanoid_getup.motions.posture_metric import PostureMetric
-from humanoid_getup.planning.collision import CollisionChecker, to_configuration
+from humanoid_getup.planning.collision import CollisionChecker, check_keys
 from humanoid_getup.planning.path_planner import (
     REST,
     PathOptions,
@@ -128,14 +129,28 @@ def test_what_was_planned_before_a_leg_without_a_path_is_kept(
     np.testing.assert_allclose(found.beginning.joint_pos[-1], stops[0].joint_pos, atol=1e-9)
 
 
-def test_a_key_that_floats_is_put_on_the_ground(world: World, op3: Robot, supine: Posture):
-    standing = op3.standing
-    high = Posture(
-        position=standing.position + np.array([1.0, 2.0, 0.5]),
-        orientation=standing.orientation,
-        joint_pos=standing.joint_pos,
-    )
-    (placed,) = place_stops(world, [high], supine)
-    assert placed.position[2] == pytest.approx(standing.position[2], abs=0.005)
-    np.testing.assert_allclose(placed.position[:2], supine.position[:2])
-    assert CollisionChecker(op3, world.scene).is_free(to_configuration(placed))
+def bend(robot: Robot, joint: str, angle: float) -> Posture:
+    angles = robot.standing.joint_pos.copy()
+    angles[robot.joint_names.index(joint)] = angle
+    return replace(robot.standing, joint_pos=angles)
+
+
+def test_a_posture_may_be_anywhere_even_in_the_ground(op3: Robot):
+    sunk = replace(op3.standing, position=np.array([5.0, 0.0, -3.0]))
+    check_keys(op3, name_keys([sunk, op3.standing]))
+
+
+def test_every_key_that_is_wrong_is_named(op3: Robot):
+    short = replace(op3.standing, joint_pos=op3.standing.joint_pos[:3])
+    keys = [
+        KeyPosture(name="bent", posture=bend(op3, "l_knee", 3.5)),
+        KeyPosture(name="fine", posture=op3.standing),
+        KeyPosture(name="crossed", posture=bend(op3, "l_hip_roll", 0.5)),
+        KeyPosture(name="short", posture=short),
+    ]
+    with pytest.raises(ValueError) as refusal:
+        check_keys(op3, keys)
+    bent, crossed, shape = str(refusal.value).split("; posture ")
+    assert bent.startswith("posture bent: joint 'l_knee' is +3.500 rad, expected [")
+    assert crossed.startswith("crossed: ") and "mm inside" in crossed
+    assert shape == f"short: joint_pos is (3,), expected ({op3.n},)"

@@ -1,6 +1,6 @@
 """RRT-blossom finds its way out of a trap in the plane, and says so when there is none."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -118,19 +118,14 @@ def test_regression_is_what_comparing_with_every_node_says():
 
 @dataclass
 class Witness(Plane):
-    """A plane that records what is asked of it: from where, whereto, and the leaves, in order."""
+    """A plane that records every step offered: where from, and the leaves, in order."""
 
     def __post_init__(self) -> None:
-        self.asked: list[tuple[Array, Array, Array]] = []
-        self.samples = 0
-
-    def sample(self, rng):
-        self.samples += 1
-        return super().sample(rng)
+        self.asked: list[tuple[Array, Array]] = []
 
     def steer(self, near, target, goal, count, rng):
         leaves = super().steer(near, target, goal, count, rng)
-        self.asked.append((near, target, leaves))
+        self.asked.append((near, leaves))
         return leaves
 
 
@@ -138,24 +133,9 @@ def test_every_edge_that_is_tried_counts_once():
     plane = Witness(TRAP + LID)
     options = SearchOptions(max_edges=200, controls=1, edges_per_node=50)
     result = search(plane, START, GOAL, np.random.default_rng(0), options)
-    assert result.edges == sum(len(leaves) for *_, leaves in plane.asked) == 200
+    assert result.edges == sum(len(leaves) for _, leaves in plane.asked) == 200
     assert result.reason == "200 edges tried, the budget is 200"
     assert result.nodes > 10
-
-
-@pytest.mark.parametrize(("bias", "low", "high"), [(None, 0.05, 0.16), (0.0, 0.0, 0.02), (1, 1, 1)])
-def test_a_share_of_the_expansions_goes_to_the_other_root(bias, low, high):
-    """The first one always does, so that an open way is taken straight."""
-    plane = Witness(TRAP + LID)
-    options = SearchOptions(max_edges=3000, controls=2)
-    if bias is not None:
-        options = replace(options, goal_bias=bias)
-    search(plane, START, GOAL, np.random.default_rng(0), options)
-    roots = [
-        np.array_equal(target, root) for _, target, *_ in plane.asked for root in (START, GOAL)
-    ]
-    assert np.array_equal(plane.asked[0][1], GOAL)
-    assert low <= sum(roots) / (sum(roots) + plane.samples) <= high
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -163,7 +143,7 @@ def test_a_search_grows_no_node_that_is_closer_to_another_than_to_its_parent(see
     plane = Witness(TRAP + LID)  # start and goal trees cannot meet, or see each other
     options = SearchOptions(max_edges=300, controls=6, edges_per_node=6)
     search(plane, START, GOAL, np.random.default_rng(seed), options)
-    inside = [(a, leaves) for a, _, leaves in plane.asked if 0.0 < a[0] < 1.0 and abs(a[1]) < 1.0]
+    inside = [(a, leaves) for a, leaves in plane.asked if 0.0 < a[0] < 1.0 and abs(a[1]) < 1.0]
     grown = 0
     for first, (origin, _) in enumerate(inside):
         earlier = [a for a, _ in inside[:first]]

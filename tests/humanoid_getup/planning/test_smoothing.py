@@ -78,19 +78,6 @@ def test_a_corner_is_worked_out_by_hand():
     np.testing.assert_allclose(arc[len(arc) // 2 - 1], [0.875, 0.125], atol=1e-12)
 
 
-def test_a_straight_path_stays_straight_and_a_point_stays_put():
-    path = zigzag(0, nodes=2)
-    time, nodes, _ = retime(smooth(path, np.ones(2)), PACE)
-    share = (nodes[:, 4] - path[0][4]) / (path[1][4] - path[0][4])
-    np.testing.assert_allclose(
-        nodes[:, 4:], path[0][4:] + share[:, None] * (path[1][4:] - path[0][4:]), atol=1e-9
-    )
-    assert np.all(np.diff(share) >= 0.0)
-    assert len(time) > 10
-    still, nodes, _ = retime(smooth([path[0], path[0]], np.ones(2)), PACE)
-    assert (still.tolist(), len(nodes)) == ([0.0], 1)
-
-
 def test_a_corner_that_must_not_be_cut_is_not_cut():
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0]])
     path = list(np.hstack([np.tile(quaternion.IDENTITY, (4, 1)), corners]))

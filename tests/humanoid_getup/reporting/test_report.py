@@ -4,11 +4,17 @@ import io
 import re
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
+import pytest
 from msgspec import UNSET
 from rich.console import Console
 
 from humanoid_getup.execution.result import Attempt, AttemptStatus, RiseResult
+from humanoid_getup.experiments.judging.torque import split_torque
+from humanoid_getup.reporting import plots
+from humanoid_getup.reporting.plots import save_torque
 from humanoid_getup.reporting.report import (
     ReportHead,
     RiseReport,
@@ -17,7 +23,7 @@ from humanoid_getup.reporting.report import (
     print_summary,
 )
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
-from robots import load_robot
+from robots import Robot, load_robot
 from robots.storage.encoding import to_plain
 
 HEAD = ReportHead(
@@ -68,3 +74,27 @@ def test_a_summary_gives_the_reason_when_there_is_no_stand():
     assert lines[0] == "did not stand: no path to any connecting posture"
     assert lines[1].split() == ["start", "prone,", "seed", "4"]
     assert len(lines) == 2
+
+
+T = 50
+
+
+@pytest.fixture
+def figures(monkeypatch: pytest.MonkeyPatch) -> list:
+    saved: list = []
+    monkeypatch.setattr(plots, "save_figure", lambda figure, _path: saved.append(figure))
+    return saved
+
+
+def test_driving_and_braking_torque_are_apart(figures: list, tmp_path, tiny: Robot):
+    """The first joint drives with 1 N·m, the second brakes with 2 N·m."""
+    torque, speed = np.tile([1.0, -2.0], (T, 1)), np.tile([1.0, 1.0], (T, 1))
+    torques = split_torque(torque, speed)
+    outcome = SimpleNamespace(torques=torques, stood=True, stand_time=0.2)
+    save_torque(tiny, outcome, 1.5, tmp_path / "plot.png")
+    (axis,) = figures[0].axes
+    lines = {line.get_label(): line.get_ydata() for line in axis.get_lines()}
+    assert lines["l_hip"] == pytest.approx(np.ones(T))
+    assert lines["r_hip"] == pytest.approx(np.zeros(T))
+    assert lines["braking, any"] == pytest.approx(np.full(T, 2.0))
+    assert [text.get_text() for text in axis.texts] == ["limit 1.5 N·m", " stands"]

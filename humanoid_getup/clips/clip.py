@@ -26,22 +26,13 @@ READ_ERRORS = (ValueError, IndexError, KeyError, ZeroDivisionError)
 
 
 def read_lines(file: Path, most: int = MOST_BYTES) -> list[str]:
-    """Read the lines of a text file that are not empty.
-
-    Raises:
-        OSError: if it cannot be read.
-        ValueError: if it is too large, or not text.
-    """
+    """Read the lines of a text file that are not empty."""
     text = read_bounded(file, most).decode("utf-8-sig")
     return [line for line in text.splitlines() if line.strip()]
 
 
 def read_numbers(lines: Sequence[str], columns: int) -> Array:
-    """Read lines of finite numbers, (T, columns), with little more memory than they take.
-
-    Raises:
-        ValueError: if they hold anything else.
-    """
+    """Read lines of finite numbers, (T, columns), with little more memory than they take."""
     if columns == 0 or not lines:
         raise ValueError(f"{len(lines)} frames of {columns} numbers, expected one or more of each")
     rows = np.loadtxt(lines, comments=None, ndmin=2)
@@ -111,11 +102,7 @@ class Clip:
         return self.check_height("the middle of the hips", length)
 
     def check_height(self, what: str, height: float) -> float:
-        """Check the height of a point over the feet in the rest pose [m], which must be a stand.
-
-        Raises:
-            ValueError: if it is not above them.
-        """
+        """Check the height of a point over the feet in the rest pose [m], which must be a stand."""
         if height <= 0.0:
             other = next(axis for axis in UP if axis != self.up)
             raise ValueError(
@@ -125,11 +112,7 @@ class Clip:
         return height
 
     def find(self, names: tuple[str, ...], what: str) -> str:
-        """Find the joint that has one of some names.
-
-        Raises:
-            ValueError: if there is none.
-        """
+        """Find the joint that has one of some names."""
         found = [name for name in names if name in self.joints]
         if not found:
             raise ValueError(

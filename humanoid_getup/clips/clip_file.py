@@ -31,12 +31,7 @@ BVH, ACCLAIM, SKELETON = ".bvh", ".amc", ".asf"
 def read_clip(
     file: Path, skeleton: Path | None, rate: float | None, up: Literal["y", "z"] | None
 ) -> Clip:
-    """Read a .bvh or .amc clip; the skeleton of an .amc may be the .asf file beside it.
-
-    Raises:
-        OSError: if a file cannot be read.
-        ValueError: if it is not a clip.
-    """
+    """Read a .bvh or .amc clip; the skeleton of an .amc may be the .asf file beside it."""
     if file.suffix.lower() == BVH:
         return replace(read_bvh(file), up=up or "y")
     skeleton = skeleton or file.with_name(f"{file.stem.split('_')[0]}{SKELETON}")
@@ -62,12 +57,7 @@ class BvhJoint:
 
 
 def read_bvh(file: Path) -> Clip:
-    """Read a clip.
-
-    Raises:
-        OSError: if the file cannot be read.
-        ValueError: if it is no BVH file.
-    """
+    """Read a clip."""
     try:
         lines = read_lines(file)
         head = _find_motion(lines)
@@ -218,12 +208,7 @@ class AcclaimSkeleton:
 
 
 def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Clip:
-    """Read a clip (.amc) of a skeleton (.asf), recorded at a rate [Hz].
-
-    Raises:
-        OSError: if a file cannot be read.
-        ValueError: if they are not Acclaim files, or do not belong together.
-    """
+    """Read a clip (.amc) of a skeleton (.asf), recorded at a rate [Hz]."""
     try:
         skeleton = _read_skeleton(read_lines(skeleton_file, MOST_OF_SKELETON))
     except READ_ERRORS as error:

@@ -44,11 +44,7 @@ class AttemptManager:
     """
 
     def __init__(self, session: Session, strategy: Strategy, *, max_attempts: int = 3) -> None:
-        """Prepare to get the robot of a session up, by the plans of a strategy.
-
-        Raises:
-            ValueError: if it may not even try once, or does not know where in its scene it lies.
-        """
+        """Prepare to get the robot of a session up, by the plans of a strategy."""
         if max_attempts < 1:
             raise ValueError(f"max_attempts is {max_attempts}, expected 1 or more")
         scene = session.world.scene

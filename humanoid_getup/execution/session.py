@@ -123,9 +123,6 @@ class Session(SessionOptions):
 
         A backend without a guard is put behind one with the torque limit. A twin limits torque in
         the limit's mode, and is judged by ground truth.
-
-        Raises:
-            ValueError: if the backend limits torque in another mode.
         """
         chosen = vars(options or SessionOptions()).copy()
         torque_limit = check_torque_limit(torque_limit, world.robot)

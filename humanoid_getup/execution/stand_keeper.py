@@ -49,11 +49,7 @@ class StandKeeper:
     """
 
     def __init__(self, session: Session) -> None:
-        """Prepare to keep the stand of a robot.
-
-        Raises:
-            ValueError: if the robot should lie down in the end and has no motion for that.
-        """
+        """Prepare to keep the stand of a robot."""
         self._session, self._guard = session, session.guard
         self._limit = session.torque_limit.value
         self._sent: Command | None = None

@@ -190,9 +190,6 @@ def with_entries(world: World, motion: Motion, limit: TorqueLimit = FULL_TORQUE)
     """Mark the entry frames of a motion: started there at rest, it still ends standing.
 
     That is so under a torque limit of every servo.
-
-    Raises:
-        NoEntryError: if there is none.
     """
     frames = np.arange(0, len(motion.time), ENTRY_STRIDE)
     entry = np.zeros(len(motion.time), dtype=bool)

@@ -60,9 +60,6 @@ def read_body(clip: Clip) -> ClipBody:
 
     The axes of pelvis, trunk and chest are those of the world where the body stands in the clip's
     rest pose.
-
-    Raises:
-        ValueError: if it lacks hips, knees, ankles, neck or shoulders, or has no extent.
     """
     places, rest = _Places(clip, is_rest=False), _Places(clip, is_rest=True)
     return ClipBody(

@@ -122,11 +122,7 @@ class KeyTransfer:
 
     @classmethod
     def between(cls, source: Robot, target: Robot) -> KeyTransfer:
-        """Find the limbs of both.
-
-        Raises:
-            ValueError: if one of them has no two legs with a knee.
-        """
+        """Find the limbs of both."""
         return cls(Limbs(source), Limbs(target))
 
     @property

@@ -82,9 +82,6 @@ def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
     that of its left joint with or without the side; or under ``middle`` by full name. The standing
     posture follows as last key, ``stand_after`` seconds later, unless the motion's ``end`` is a
     side to lie on.
-
-    Raises:
-        KeyframesError: naming all that is wrong with the file.
     """
     problems: list[str] = []
     try:

@@ -28,22 +28,12 @@ DIGITS = 6  # of what the improvement looks for
 
 
 def save_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -> None:
-    """Write a file of keyframes, complete or not at all.
-
-    Raises:
-        KeyframesError: if a file cannot hold them.
-        OSError: if it cannot be written.
-    """
+    """Write a file of keyframes, complete or not at all."""
     _write(path, format_keyframes(keyframes, robot), robot)
 
 
 def append_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -> None:
-    """Append motions to a file, or begin one; its text stays as it is.
-
-    Raises:
-        KeyframesError: if the file is damaged, or has a motion of that name.
-        OSError: if it cannot be written.
-    """
+    """Append motions to a file, or begin one; its text stays as it is."""
     if not path.exists():
         save_keyframes(path, keyframes, robot)
         return
@@ -56,12 +46,7 @@ def append_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -
 
 
 def replace_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -> None:
-    """Replace the tables of motions in a file; all others and the comments between them stay.
-
-    Raises:
-        KeyframesError: if the file is damaged, or lacks one of them as a table [[motions]].
-        OSError: if it cannot be written.
-    """
+    """Replace the tables of motions in a file; all others and the comments between them stay."""
     names = [each.name for each in load_keyframes(path, robot)]
     document = tomlkit.parse(_read(path))
     tables = document["motions"]
@@ -86,11 +71,7 @@ def _replace(old: Table, new: Table) -> Table:
 
 
 def format_keyframes(keyframes: Sequence[Keyframes], robot: Robot) -> str:
-    """Write motions as TOML tables.
-
-    Raises:
-        KeyframesError: if one should end standing, but its last key is another posture.
-    """
+    """Write motions as TOML tables."""
     document = tomlkit.document()
     document.add("motions", tables_of(_describe(each, robot) for each in keyframes))
     return document.as_string()

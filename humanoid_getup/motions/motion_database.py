@@ -83,9 +83,6 @@ def load_database(robot: Robot) -> MotionDatabase:
     """Load a robot's motions, and the mirror image of each that is not symmetric.
 
     They are those of its original body, retargeted if it has another one.
-
-    Raises:
-        ValueError: if the robot has none, or a file is damaged or another robot's.
     """
     folder = robot.folder / MOTION_FOLDER
     motions: list[Motion] = []
@@ -136,11 +133,7 @@ def name_robot(robot: Robot) -> str:
 
 
 def find_lying_down(robot: Robot) -> Motion:
-    """Find a robot's own motion that lies down from a stand.
-
-    Raises:
-        ValueError: if it has none.
-    """
+    """Find a robot's own motion that lies down from a stand."""
     if found := list_lying_down(robot):
         return found[0]
     raise ValueError(
@@ -156,11 +149,7 @@ def list_lying_down(robot: Robot) -> list[Motion]:
 
 
 def find_motion(robot: Robot, name: str) -> Motion:
-    """Find a motion by name in a robot's database, or load an .npz file.
-
-    Raises:
-        ValueError: if there is no such motion, or it is another robot's.
-    """
+    """Find a motion by name in a robot's database, or load an .npz file."""
     if not name.endswith(".npz"):
         motions = {motion.name: motion for motion in load_database(robot).motions}
         if name not in motions:
@@ -213,10 +202,6 @@ def load_key(text: str, robot: Robot) -> KeyPosture:
 
     NAME is that of a motion in the robot's database or of an .npz file, TIME is counted from its
     first frame [s]; the nearest frame is taken.
-
-    Raises:
-        ValueError: if there is no such file, motion or time, or the posture does not fit the
-            robot.
     """
     if text.startswith(MOTIONS):
         return KeyPosture(name=text, posture=_pick_frame(text, robot))

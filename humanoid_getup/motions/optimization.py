@@ -71,11 +71,7 @@ class SearchLog:
     """The generations of a search, stored in a ledger."""
 
     def __init__(self, ledger: Ledger) -> None:
-        """Read the generations of a ledger.
-
-        Raises:
-            ValueError: if one is damaged.
-        """
+        """Read the generations of a ledger."""
         self._ledger = ledger
         problems: list[str] = []
         self.generations = [
@@ -97,11 +93,7 @@ class SearchLog:
 
     @classmethod
     def resume(cls, path: Path, task: SearchTask) -> SearchLog:
-        """Load the log of a task; begin one if there is no file.
-
-        Raises:
-            ValueError: if the file is damaged, or that of another task.
-        """
+        """Load the log of a task; begin one if there is no file."""
         return cls(Ledger.resume(path, task))
 
     def add(self, cost: Array, stood: float) -> None:

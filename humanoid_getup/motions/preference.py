@@ -44,11 +44,7 @@ class Preference:
 
     @staticmethod
     def of(name: PreferenceName) -> Preference:
-        """Return a preference by name.
-
-        Raises:
-            ValueError: if it is unknown.
-        """
+        """Return a preference by name."""
         if not isinstance(name, str) or name not in PREFERENCES:
             expected = ", ".join(PREFERENCE_NAMES)
             raise ValueError(f"prefer is {name!r}, expected one of {expected}")

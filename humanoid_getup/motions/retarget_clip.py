@@ -86,11 +86,7 @@ class ClipRetargeter:
     """
 
     def __init__(self, robot: Robot) -> None:
-        """Prepare for a robot.
-
-        Raises:
-            ValueError: if it has no two legs with a knee.
-        """
+        """Prepare for a robot."""
         self.robot, self._limbs, self._trunk = robot, Limbs(robot), Trunk(robot)
 
     def retarget(
@@ -106,9 +102,6 @@ class ClipRetargeter:
         """Retarget the part of a clip between two times [s].
 
         With ``finish`` the motion ends in the robot's stance. The finished share is reported.
-
-        Raises:
-            ValueError: if the clip has no such part, or not the body of a human.
         """
         body, rows = read_body(clip), _choose_frames(clip, begin, end)
         angles = self._solve(body, rows, report)

@@ -62,9 +62,6 @@ def adapt(motion: Motion, robot: Robot, retargeting: Retargeting | None = None) 
     Args:
         motion: Made for the robot's original body, or for the one that it has.
         retargeting: Of this robot, where many motions are adapted.
-
-    Raises:
-        ValueError: if it was made for a third body.
     """
     made_for, body = str(motion.provenance.get(BODY, "")), str(robot.body)
     if made_for == body:

@@ -42,11 +42,7 @@ class FaultedError(DriverError):
 
 
 def check_start(world: World, start: Posture) -> None:
-    """Check that a start is not in the ground or an obstacle, nor high above them.
-
-    Raises:
-        StartError: if it is; the message says how far.
-    """
+    """Check that a start is not in the ground or an obstacle, nor high above them."""
     qpos, clearance = place(world.robot, world.model, start), Clearance(world)
     slack = 0.0
     if not world.scene.is_flat:  # a robot that touches a wall is not to be put on top of it

@@ -134,9 +134,6 @@ def preflight(
         temperature: Present temperature of the servos [°C], (n,) or a number for all.
         start: Posture of the lying robot as measured; ``None`` where it is not yet.
         balanced: Whether a rise is played with feedback, as by `supervise_motion`.
-
-    Raises:
-        ValueError: if voltage or temperature is not a sensible number.
     """
     robot = world.robot
     _check_input(voltage, temperature)

@@ -119,11 +119,7 @@ class ActionSpec:
         return np.any(self.directions != 0.0, axis=0)
 
     def mirror_sign(self, robot: Robot) -> Array:
-        """Return each number's sign when left and right are exchanged, shape (k,).
-
-        Raises:
-            ValueError: if a direction is neither symmetric nor antisymmetric.
-        """
+        """Return each number's sign when left and right are exchanged, shape (k,)."""
         mirrored = robot.mirror_joints(self.directions)
         even = np.isclose(mirrored, self.directions).all(axis=1)
         odd = np.isclose(mirrored, -self.directions).all(axis=1)

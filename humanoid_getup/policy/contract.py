@@ -192,11 +192,7 @@ class PolicyContract:
 
     @staticmethod
     def from_json(text: str) -> PolicyContract:
-        """Read a contract.
-
-        Raises:
-            ContractError: naming all that is missing or wrong.
-        """
+        """Read a contract."""
         try:
             record = json.loads(text)
         except (ValueError, RecursionError) as error:

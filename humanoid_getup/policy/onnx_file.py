@@ -34,9 +34,6 @@ def find_content_problems(model: bytes) -> list[str]:
     """List content that a policy must not have: control flow, functions, data in other files.
 
     Without control flow, the time of an inference does not depend on the observation.
-
-    Raises:
-        ValueError: if the model is not a protocol buffer, or has no network.
     """
     whole = memoryview(model)
     if not _has(whole, GRAPH):
@@ -53,11 +50,7 @@ def find_content_problems(model: bytes) -> list[str]:
 
 
 def read_metadata(model: bytes) -> dict[str, str]:
-    """Read the metadata of a model.
-
-    Raises:
-        ValueError: if the model is not a protocol buffer with texts for metadata.
-    """
+    """Read the metadata of a model."""
     found = {}
     for entry in _select(memoryview(model), METADATA):
         texts = {field: bytes(v) for field, v in _read_fields(entry) if isinstance(v, memoryview)}
@@ -143,13 +136,7 @@ class NetworkError(ValueError):
 
 
 def read_model(file: Path) -> bytes:
-    """Read a policy file and compare its checksum.
-
-    Raises:
-        OSError: if it cannot be read.
-        NetworkError: if it is larger than `MAX_BYTES`, has no contract, its checksum is missing
-            or wrong, or it has loops, functions or weights in other files.
-    """
+    """Read a policy file and compare its checksum."""
     try:
         content = read_bounded(file, MAX_BYTES)
     except ValueError as error:

@@ -30,13 +30,7 @@ class OnnxNetwork:
     """
 
     def __init__(self, file: Path, limit: float = LONGEST_INFERENCE) -> None:
-        """Load a file after a child process has loaded and run it, each time within a limit [s].
-
-        Raises:
-            OSError: if it cannot be read.
-            NetworkError: if it is damaged, has no contract, does not map one vector to one, or
-                takes longer.
-        """
+        """Load a file after a child process has loaded and run it, each time within a limit [s]."""
         model = read_model(file)
         self.faults, self.inference_time = _try_in_child(model, limit)
         """Problems of its output for zeros; processor time of one inference [s]."""

@@ -45,12 +45,7 @@ class PolicyError(ValueError):
 
 
 def read_contract(file: Path) -> PolicyContract:
-    """Read the contract of a policy file.
-
-    Raises:
-        OSError: if the file cannot be read.
-        PolicyError: if it holds no policy.
-    """
+    """Read the contract of a policy file."""
     try:
         return PolicyContract.from_json(OnnxNetwork(file).contract)
     except (NetworkError, ContractError) as error:
@@ -148,11 +143,7 @@ class OnnxPolicy:
         )
 
     def following(self, style: Style) -> OnnxPolicy:
-        """Return the same policy with another style to follow.
-
-        Raises:
-            ValueError: if it follows no style curves.
-        """
+        """Return the same policy with another style to follow."""
         if self.contract.style is None:
             raise ValueError(
                 f"the policy follows no style curves, expected no style '{style.name}' with it"
@@ -279,11 +270,7 @@ def list_policies(robot: Robot) -> list[Path]:
 
 
 def find_policy(robot: Robot, name: str) -> Path:
-    """Find a policy of a robot by name, or an .onnx file.
-
-    Raises:
-        ValueError: naming the policies that the robot has.
-    """
+    """Find a policy of a robot by name, or an .onnx file."""
     if name.endswith(SUFFIX):
         return Path(name)
     known = {file.stem: file for file in list_policies(robot)}

@@ -52,12 +52,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def load_trace(file: Path, robot: Robot) -> Trace:
-    """Read an .npz file; its joints are brought into the order of the robot's.
-
-    Raises:
-        OSError: if it cannot be read.
-        ValueError: if it is damaged, or naming what is missing or wrong.
-    """
+    """Read an .npz file; its joints are brought into the order of the robot's."""
     shapes = {"time": (), "orientation": (4,), "gyro": (3,), "joint_pos": (robot.n,)}
     shapes |= {"joint_vel": (robot.n,), "observation": (None,), "action": (None,)}
     arrays = load_arrays(file, ("joints", *shapes), optional=("robot",))
@@ -79,11 +74,7 @@ def load_trace(file: Path, robot: Robot) -> Trace:
 
 
 def compare_policy(policy: OnnxPolicy, trace: Trace) -> tuple[Comparison, Comparison]:
-    """Compare the observations that a policy makes of a trace's signals, then its actions.
-
-    Raises:
-        ArchiveError: if it is no imported policy, or the trace has other sizes or another rate.
-    """
+    """Compare the observations that a policy makes of a trace's signals, then its actions."""
     if FOREIGN_KEY not in policy.metadata:
         raise ArchiveError("the policy is not of `getup policy import`, expected one that is")
     record = msgspec.json.decode(policy.metadata[FOREIGN_KEY], type=ForeignRecord)

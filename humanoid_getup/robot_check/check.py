@@ -45,9 +45,6 @@ def check_robot(robot: Robot, report: Callable[[str], None] = lambda _: None) ->
     """Check body, stance, mirror pairs, strength and arms of a robot whose description loads.
 
     Each part of the check is reported as it begins.
-
-    Raises:
-        ValueError: if it has no two legs with a knee.
     """
     report("its description")
     world, limbs, statics = World(robot), Limbs(robot), Statics(robot)

@@ -56,12 +56,7 @@ class RobotControl:
 
     @classmethod
     def of(cls, robot: Robot, limit: TorqueLimit) -> RobotControl:
-        """Describe a robot whose servos are limited in torque.
-
-        Raises:
-            SetupError: if it has no bus of Dynamixels.
-            ValueError: if joints on different ports are coupled.
-        """
+        """Describe a robot whose servos are limited in torque."""
         notes = tuple(_find_notes(robot))
         return cls(
             xacro=_write_xacro(robot, limit, notes),

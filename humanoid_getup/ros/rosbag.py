@@ -38,12 +38,7 @@ def name_file(name: str) -> str:
 def write_bag(
     record: FlightRecord, robot: Robot, folder: Path, name: str, monitor: ProgressMonitor
 ) -> BagSummary:
-    """Write a flight as a bag into an existing folder; return its content.
-
-    Raises:
-        OSError: if a file cannot be written.
-        CancelledError: if the work is cancelled.
-    """
+    """Write a flight as a bag into an existing folder; return its content."""
     types, counts = dict[str, MessageType](), Counter[str]()
     with (folder / name_file(name)).open("wb") as file:
         writer = Writer(file)

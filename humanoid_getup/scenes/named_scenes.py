@@ -66,11 +66,7 @@ class GroundTable(SurfaceTable):
     cell: Size = 0.25
 
     def build(self, unit: float) -> Ground:
-        """Make the ground; ``unit`` is in meters.
-
-        Raises:
-            ValueError: if it is both a slope and a field, or a field too high.
-        """
+        """Make the ground; ``unit`` is in meters."""
         if self.heights is not None:
             if self.slope_deg:
                 raise ValueError("ground has slope_deg and heights, expected one of them")
@@ -146,11 +142,7 @@ class StartTable:
     heading_deg: DegreeRange = (-180.0, 180.0)
 
     def build(self, unit: float) -> StartRegion:
-        """Make the region; ``unit`` is in meters.
-
-        Raises:
-            ValueError: if a range ends before it begins, or no robot comes to rest in the region.
-        """
+        """Make the region; ``unit`` is in meters."""
         for key in ("x", "y", "z", "heading_deg"):
             low, high = getattr(self, key)
             if low > high:
@@ -190,11 +182,7 @@ class SceneTable:
 
 
 def read_scene(file: Path, robot: Robot, name: str | None = None) -> Scene:
-    """Read a scene from a TOML file, its sizes for a robot.
-
-    Raises:
-        ValueError: if the file cannot be read, or naming all that is wrong in it.
-    """
+    """Read a scene from a TOML file, its sizes for a robot."""
     table = read_scene_table(file)
     try:
         return build_scene(table, robot, name or readable(file.stem))
@@ -217,12 +205,7 @@ def read_scene_table(file: Path) -> SceneTable:
 
 
 def build_scene(table: SceneTable, robot: Robot, name: str) -> Scene:
-    """Build a scene for a robot.
-
-    Raises:
-        ValueError: if two obstacles share a name, or one has that of a part of the robot, if there
-            are too many, if a start is off the field of heights, or if a part cannot be.
-    """
+    """Build a scene for a robot."""
     unit = leg_length(robot) if table.unit == "leg" else 1.0
     parts = (*table.boxes, *table.capsules, *table.spheres)
     if len(parts) > MOST_OBSTACLES:
@@ -301,9 +284,6 @@ def load_scene(name: str, robot: Robot, seed: int = 0) -> Scene:
         name: Such as flat, slope:10, rough:easy or my_scene.toml.
         robot: Whose legs give the unit of its sizes.
         seed: Of rough ground.
-
-    Raises:
-        ValueError: if there is no such scene, or its file is wrong.
     """
     kind, has_parameter, parameter = name.partition(":")
     if name.endswith(SUFFIX):

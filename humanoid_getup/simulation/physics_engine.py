@@ -26,11 +26,7 @@ class PhysicsEngine:
     """Of mujoco-warp: cpu, cuda or cuda:N; '' for a GPU if there is one, else the CPU."""
 
     def load(self) -> None:
-        """Import the engine.
-
-        Raises:
-            ModuleNotFoundError: if it is not installed.
-        """
+        """Import the engine."""
         if self.name == "warp":
             import warp
 

@@ -168,11 +168,7 @@ class StandingPlaces:
 
 
 def check_standing_place(world: World, position: Array) -> None:
-    """Check that there is a place to stand near a position (3,) [m].
-
-    Raises:
-        ValueError: if it could not.
-    """
+    """Check that there is a place to stand near a position (3,) [m]."""
     if world.scene.obstacles and not StandingPlaces(world, position).exist:
         reach = REACH * leg_length(world.robot)
         raise ValueError(

@@ -87,11 +87,7 @@ class WarpBatch(Batch):
     def __init__(
         self, model: mujoco.MjModel, nsim: int, nthread: int = 0, *, device: str = ""
     ) -> None:
-        """Put a model on a device: cpu, cuda or cuda:N; by default a GPU, if warp finds one.
-
-        Raises:
-            ValueError: if mujoco-warp cannot simulate the model, or finds no such device.
-        """
+        """Put a model on a device: cpu, cuda or cuda:N; by default a GPU, if warp finds one."""
         super().__init__(model, nsim, nthread)
         self.device = _find_device(device)
         self._room = Room.of(model)
@@ -109,11 +105,7 @@ class WarpBatch(Batch):
             self._reserve()
 
     def bind(self, name: str) -> Array:
-        """Return a live (nsim, ...) array over an MjData field, as a `Batch` does.
-
-        Raises:
-            ValueError: if mujoco-warp does not compute the field.
-        """
+        """Return a live (nsim, ...) array over an MjData field, as a `Batch` does."""
         values = super().bind(name)
         if name in STATE:
             return values
@@ -124,11 +116,7 @@ class WarpBatch(Batch):
         return self._own[name]
 
     def expand(self, name: str) -> Array:
-        """Give a model field values of each world; return them, (nsim, ...).
-
-        Raises:
-            ValueError: if mujoco-warp shares the field between all worlds.
-        """
+        """Give a model field values of each world; return them, (nsim, ...)."""
         if name not in PER_WORLD:
             raise ValueError(f"mujoco-warp shares the model field '{name}' between all worlds")
         return super().expand(name)

@@ -266,9 +266,6 @@ def measure_clip(clip: Clip) -> Array:
 
     The height is that of the neck's base over the floor, as a share of that in the rest pose.
     Front and side are those of [Frezzato22], figure 4, from hips and neck.
-
-    Raises:
-        ValueError: if it has no feet, hips or neck, or these are no torso.
     """
     axis, neck_name = UP[clip.up], clip.find(NECKS, "neck")
     left = clip.joints[clip.find(LEFT_HIPS, "left hip")]
@@ -304,11 +301,7 @@ def trim(features: Array) -> slice:
 
 
 def extract_curves(time: Array, features: Array) -> StyleCurves:
-    """Make curves through nine equally spaced samples of features (T, 3) at times (T,) [s].
-
-    Raises:
-        ExtractionError: if they do not end standing.
-    """
+    """Make curves through nine equally spaced samples of features (T, 3) at times (T,) [s]."""
     if features.shape != (len(time), COUNT):
         raise ExtractionError(f"features have shape {features.shape}, expected ({len(time)}, 3)")
     if features[-1, 0] < LEAST_END - ROUNDING:

@@ -142,11 +142,7 @@ def load_any_style(robot: Robot) -> Style:
 
 
 def read_style(file: Path, robot: Robot) -> Style:
-    """Read a style file, with durations for a robot.
-
-    Raises:
-        ValueError: naming all that is wrong.
-    """
+    """Read a style file, with durations for a robot."""
     problems: list[str] = []
     try:
         content = load_toml(file)

@@ -38,11 +38,7 @@ def find_rise(time: Array, height: Array) -> float:
 
 
 def shift_rise(curves: StyleCurves, delay: float) -> StyleCurves:
-    """Move the time of the rise by a delay [s], below 0 for sooner; the duration stays.
-
-    Raises:
-        ValueError: if the rise would be too near to the beginning or the end.
-    """
+    """Move the time of the rise by a delay [s], below 0 for sooner; the duration stays."""
     now, wanted = rise_time(curves), rise_time(curves) + delay
 
     def warp(share: float) -> StyleCurves:
@@ -67,9 +63,6 @@ def hold(curves: StyleCurves, at: float, time: float) -> StyleCurves:
     """Hold the features of a time [s] for a duration [s]; the curves become longer by it.
 
     Nine control points round the corners of a hold that is short against the duration.
-
-    Raises:
-        ValueError: if the moment is outside the duration.
     """
     if not 0.0 <= at <= curves.duration:
         raise ValueError(f"hold is at {at:.4g} s, expected 0 to {curves.duration:.2f} s")
@@ -115,9 +108,6 @@ class StyleEditor:
             feature: Number of the feature, from 0, in the order of the features.
             point: Number of the control point, from 0.
             value: As a share of standing, or [rad].
-
-        Raises:
-            ValueError: if there is no such point, or a rise does not have this value there.
         """
         if not (0 <= feature < COUNT and 0 <= point < POINTS):
             raise ValueError(f"there is no point {point + 1} of curve {feature + 1}")
@@ -137,11 +127,7 @@ class StyleEditor:
         self._style, self._is_timed = self.preview(curves), False
 
     def last(self, duration: float) -> None:
-        """Let the chosen curves last for a duration [s]; several in a row are one step.
-
-        Raises:
-            ValueError: if a rise does not last so.
-        """
+        """Let the chosen curves last for a duration [s]; several in a row are one step."""
         style = self.preview(self.curves.lasting(duration))
         if self._is_timed:
             self._style = style
@@ -150,19 +136,11 @@ class StyleEditor:
         self._is_timed = True
 
     def shift(self, delay: float) -> None:
-        """Move the time of the rise by a delay [s], below 0 for sooner.
-
-        Raises:
-            ValueError: if the rise would be too near to the beginning or the end.
-        """
+        """Move the time of the rise by a delay [s], below 0 for sooner."""
         self.change(shift_rise(self.curves, delay))
 
     def hold(self, at: float, time: float) -> None:
-        """Hold the features of a time [s] for a duration [s].
-
-        Raises:
-            ValueError: if the time is outside the duration, or the curves become too long.
-        """
+        """Hold the features of a time [s] for a duration [s]."""
         self.change(hold(self.curves, at, time))
 
     def mirror(self) -> None:
@@ -170,11 +148,7 @@ class StyleEditor:
         self.change(self.curves.mirrored())
 
     def undo(self) -> None:
-        """Take back the last change.
-
-        Raises:
-            ValueError: if there is none.
-        """
+        """Take back the last change."""
         if not self._before:
             raise ValueError("there is no change to undo")
         self._style, self._is_timed = self._before.pop(), False

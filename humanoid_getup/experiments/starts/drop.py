@@ -104,9 +104,6 @@ class DropSampler:
 
         Returns:
             MuJoCo positions, (nq,).
-
-        Raises:
-            FallError: if no sample is free.
         """
         robot, model = self._world.robot, self._world.model
         heights: list[float] = []

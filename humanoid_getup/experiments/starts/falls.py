@@ -89,11 +89,7 @@ def sample_fall(world: World, start_class: str = "supine", seed: int = 0) -> Fal
 
 
 def drop_from(world: World, posture: Posture) -> Fall:
-    """Drop a limp robot from a posture, a little above what is under it; return how it lies.
-
-    Raises:
-        FallError: if it does not come to rest.
-    """
+    """Drop a limp robot from a posture, a little above what is under it; return how it lies."""
     raised = Clearance(world).rest_where(place(world.robot, world.model, posture), DROP_HEIGHT)
     qpos, settled = Drops(world, 1).settle(raised[np.newaxis], SETTLED_SPEED)
     if not settled[0]:
@@ -128,9 +124,6 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
     They start with random joint angles within the limits, in any orientation, and settle for up
     to 10 s; the few that still move are left out. Then they are classified, and rejected where
     the class is full or the robot does not lie. The class "lateral" is left or right.
-
-    Raises:
-        FallError: if a class does not occur.
     """
     return _sample(world, counts, rng)[0]
 
@@ -240,11 +233,7 @@ class FallSet:
     """Number of those that still moved after 10 s and were left out; ``None`` as above."""
 
     def choose(self, each: int) -> FallSet:
-        """Choose the first ``each`` falls of every class.
-
-        Raises:
-            ValueError: naming the classes that have fewer.
-        """
+        """Choose the first ``each`` falls of every class."""
         kinds = {kind: [f for f in self.falls if f.start_class == kind] for kind in CLASSES}
         few = [f"{len(falls)} {kind}" for kind, falls in kinds.items() if len(falls) < each]
         if few:
@@ -271,11 +260,7 @@ class FallSet:
 
     @staticmethod
     def load(file: Path, robot: Robot) -> FallSet:
-        """Read a robot's falls.
-
-        Raises:
-            FallSetError: if the file cannot be read, is damaged, or is of another robot.
-        """
+        """Read a robot's falls."""
         try:
             return _read_falls(load_arrays(file, FALL_KEYS, optional=COUNT_KEYS), robot)
         except OSError as error:

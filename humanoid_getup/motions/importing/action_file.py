@@ -56,12 +56,7 @@ class ActionFile:
     """An action file."""
 
     def __init__(self, path: Path) -> None:
-        """Read a file.
-
-        Raises:
-            OSError: if it cannot be read.
-            ValueError: if it is not of the size of an action file.
-        """
+        """Read a file."""
         self.path, size = path, PAGES * PAGE_SIZE
         self._content = read_bounded(path, size)
         if len(self._content) != size:
@@ -76,11 +71,7 @@ class ActionFile:
         ]
 
     def read_page(self, number: int) -> ActionPage:
-        """Read a page.
-
-        Raises:
-            ValueError: if it is empty, damaged, or not scheduled by time.
-        """
+        """Read a page."""
         if damage := self._find_damage(number):
             raise ValueError(f"{self.path}: page {number} {damage}")
         page = self._page(number)
@@ -109,11 +100,7 @@ class ActionFile:
         return ""
 
     def play_order(self, number: int) -> Iterator[ActionPage]:
-        """Yield a page, as often as it repeats, and the pages that follow it.
-
-        Raises:
-            ValueError: if one cannot be read, or they follow each other in a circle.
-        """
+        """Yield a page, as often as it repeats, and the pages that follow it."""
         seen: list[int] = []
         while number:
             if number in seen:
@@ -137,9 +124,6 @@ def load_page(file: ActionFile, number: int, robot: Robot) -> KeySequence:
     """Read a page and those that follow it as keys of a robot.
 
     A tick is an angle by the zero and sign of the joint's servo.
-
-    Raises:
-        ValueError: if a page cannot be read, or it is another robot's.
     """
     pages = list(file.play_order(number))
     steps = [step for page in pages for step in page.steps]

@@ -40,11 +40,7 @@ DEGREES = "_deg"
 
 
 def load_key_table(path: Path, robot: Robot) -> KeySequence:
-    """Read a CSV table as keys: a column ``time`` [s], and one a joint in rad, or ``JOINT_deg``.
-
-    Raises:
-        ValueError: naming what is wrong with the file.
-    """
+    """Read a CSV table as keys: a column ``time`` [s], and one a joint in rad, or ``JOINT_deg``."""
     try:
         header, *rows = parse_file(path, "CSV", _read_rows) or [[]]
         if not rows:
@@ -128,12 +124,7 @@ READERS = {
 
 
 def load_sequences(path: Path, pages: Sequence[int], robot: Robot) -> list[KeySequence]:
-    """Load the keys of a file: pages of an action file, an animation, a table, a trajectory.
-
-    Raises:
-        OSError: if it cannot be read.
-        ValueError: naming what is wrong with the file, or with the pages asked for.
-    """
+    """Load the keys of a file: pages of an action file, an animation, a table, a trajectory."""
     is_action_file = path.suffix == ".bin" or path.stat().st_size == PAGES * PAGE_SIZE
     if is_action_file:
         file = ActionFile(path)
@@ -174,9 +165,6 @@ def make_keyframes(
         start_class: Posture class from which it starts.
         end_class: How it ends.
         clip: Move angles that are out of range to its end, instead of refusing them.
-
-    Raises:
-        ValueError: naming each joint that is out of range, or a name that no motion can have.
     """
     name = name or re.sub(r"[^\w.-]+", "_", sequence.name).lstrip(".") or "imported"
     if not NAME.fullmatch(name):

@@ -57,11 +57,7 @@ class KeyCollector:
             self.after.append(pause)
 
     def finish(self, name: str, source: str, notes: tuple[str, ...] = ()) -> KeySequence:
-        """Return the sequence.
-
-        Raises:
-            ValueError: if it has no keys, or is too long.
-        """
+        """Return the sequence."""
         duration = sum(self.after)
         if not self.keys:
             raise ValueError(f"{source} has no keys, expected one or more")

@@ -179,9 +179,6 @@ def load_animation(path: Path, robot: Robot) -> KeySequence:
     which they are reached and that for which they are held, ``duration`` (1 if left out) and
     ``pause`` (0) [s], and may switch joints off in ``torque`` or correct them in
     ``stabilization_functions``.
-
-    Raises:
-        ValueError: naming all that is wrong with the file.
     """
     problems: list[str] = []
     try:

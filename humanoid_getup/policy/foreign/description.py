@@ -246,9 +246,6 @@ def map_joints(
         names: Names of joints elsewhere.
         robot: Robot whose joints they mean.
         renamed: Names of the robot's joints by those elsewhere, which count more.
-
-    Raises:
-        ValueError: naming every joint that the robot does not have, or has once for two names.
     """
     renamed, own = renamed or {}, robot.joint_names
     if strange := [name for name in renamed.values() if name not in own]:

@@ -46,12 +46,7 @@ PICKLE_SUFFIXES = (".pt", ".pth", ".pkl", ".pickle", ".jit")
 
 
 def read_network(file: Path) -> ForeignNetwork:
-    """Read an ONNX file that maps one vector to one.
-
-    Raises:
-        OSError: if it cannot be read.
-        ValueError: if it is a pickle, or another thing than such a network.
-    """
+    """Read an ONNX file that maps one vector to one."""
     content = read_bounded(file, MAX_BYTES)
     if content.startswith(PICKLES) or file.suffix in PICKLE_SUFFIXES:
         raise ValueError(
@@ -94,9 +89,6 @@ def describe_policy(
 
     Names of joints are those that files only number. A rate [Hz] and a position gain [N·m/rad]
     count more than what is described.
-
-    Raises:
-        ValueError: naming what is missing or wrong.
     """
     if config is not None:
         policy = read_isaac_env(config, network, joints, gain)

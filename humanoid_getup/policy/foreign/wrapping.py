@@ -100,11 +100,7 @@ class Wrapping:
 def fit_policy(
     policy: ForeignPolicy, robot: Robot, renamed: Mapping[str, str] | None = None
 ) -> Wrapping:
-    """Fit a policy to a robot.
-
-    Raises:
-        ValueError: naming joints, gains or a rate that the robot does not have.
-    """
+    """Fit a policy to a robot."""
     places = map_joints(policy.joints, robot, renamed)
     exact = 1.0 / (policy.rate * robot.control_period)
     cycles, shares, own = max(round(exact), 1), np.ones(robot.n), robot.position_gain

@@ -29,7 +29,7 @@ from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseFigures
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.starts.falls import Fall, sample_falls
+from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit, load_robot

@@ -26,8 +26,8 @@ from humanoid_getup.benchmarks.rise import (
     rise_once,
 )
 from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.experiments.judging.summary import RiseSummary, summarize
-from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.strategies.choice import make_strategy
 from humanoid_getup.strategies.plan import Strategy

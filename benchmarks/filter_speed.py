@@ -16,7 +16,7 @@ import numpy as np
 import tyro
 from script import Options, write_results
 
-from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.filtering.candidate import Candidate, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.motion_database import Connection, load_database

@@ -30,8 +30,8 @@ from drivers.virtual_bus.serving.fault_injector import FaultInjector, LineFault
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
+from humanoid_getup.experiments.falls import find_rest
 from humanoid_getup.experiments.judging.summary import summarize
-from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import STANDING, Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play_in_simulation

@@ -23,7 +23,7 @@ from script import Options, write_results
 from drivers.errors import DriverError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import RealTimeRobot
-from humanoid_getup.experiments.starts.falls import find_rest
+from humanoid_getup.experiments.falls import find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World

@@ -38,9 +38,9 @@ from scipy.interpolate import PchipInterpolator
 from drivers import Command, State
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, MeasuredRise, list_pieces, measure_rise
 from humanoid_getup.commands.console import counting
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.judging.summary import RiseSummary
-from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.motions.motion import StartClass
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.play import APPROACH_SPEED

@@ -24,9 +24,9 @@ from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.commands.console import counting, format_figure, make_table
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.experiments.judging.outcome import APART, count_episodes
 from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
-from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.simulation.world import World

@@ -23,8 +23,8 @@ import tyro
 from msgspec import structs
 from rich.console import Console
 
+from humanoid_getup.experiments.falls import CLASSES, Fall, FallSet
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import FLAT_SCENE

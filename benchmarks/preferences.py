@@ -30,9 +30,9 @@ from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseFigures
+from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.experiments.judging.summary import RiseSummary, summarize
 from humanoid_getup.experiments.rollouts import Experiment
-from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.filtering.dynamics_filter import HARD_DISTURBANCE
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.preference import PREFERENCE_NAMES

@@ -27,7 +27,7 @@ from humanoid_getup.benchmarks.rise import (
     RefusableSummary,
     WorldChange,
 )
-from humanoid_getup.experiments.starts.falls import Fall, sample_falls
+from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.scenes.ground import Slope
 from humanoid_getup.scenes.obstacle import Obstacle

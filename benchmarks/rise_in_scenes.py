@@ -18,7 +18,7 @@ import tyro
 from script import RISE_FIGURES, LimitedOptions, do_pieces, write_results
 
 from humanoid_getup.benchmarks.rise import MeasuredRise, RefusableSummary, RisePiece, rise_from
-from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
+from humanoid_getup.experiments.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.scenes.named_scenes import load_scene, seed_grounds
 from humanoid_getup.simulation.world import World

@@ -31,8 +31,8 @@ from humanoid_getup.commands.robot.import_robot import ImportRequest, import_rob
 from humanoid_getup.engines.versions import hash_folder, hash_program
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.experiments.falls import UNCLASSED, Fall, classify, find_rest
 from humanoid_getup.experiments.judging.summary import RiseSummary, wilson_interval
-from humanoid_getup.experiments.starts.falls import UNCLASSED, Fall, classify, find_rest
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.progress.ledger import Ledger

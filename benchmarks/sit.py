@@ -22,9 +22,9 @@ from drivers import Twin
 from humanoid_getup.execution.get_up import keep_stand
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.disturbances import USUAL, draw
+from humanoid_getup.experiments.falls import find_rest
 from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
 from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
-from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
 

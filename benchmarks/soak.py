@@ -31,8 +31,8 @@ from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.quaternion import Array

@@ -25,7 +25,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from humanoid_getup.commands.get_up.play import PlayRequest, play_motion
 from humanoid_getup.commands.look.studio import StudioRequest
-from humanoid_getup.experiments.starts.falls import sample_fall
+from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.follow_style import RolloutRequest, StyledTwin
 from humanoid_getup.studio.studio import Studio

@@ -30,10 +30,10 @@ from script import LOAD_FIGURES, WorkOptions, do_pieces, print_table, write_resu
 
 from humanoid_getup.benchmarks.rise import MeasuredRise, list_pieces, measure_rise
 from humanoid_getup.engines.versions import Versions
+from humanoid_getup.experiments.drop import FallError
+from humanoid_getup.experiments.falls import CLASSES, sample_falls
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.judging.summary import RiseSummary
-from humanoid_getup.experiments.starts.drop import FallError
-from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World

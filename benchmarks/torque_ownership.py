@@ -39,7 +39,7 @@ from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Phase, PhaseChange, SessionOptions
-from humanoid_getup.experiments.starts.falls import find_rest, settle_posture
+from humanoid_getup.experiments.falls import find_rest, settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture
 from robots.kinematics import read_posture

@@ -18,9 +18,9 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.drop import Drops, DropSampler
+from humanoid_getup.experiments.falls import classify
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.starts.drop import Drops, DropSampler
-from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import ANYWHERE

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet, sample_fall_set
+from humanoid_getup.experiments.falls import CLASSES, Fall, FallSet, sample_fall_set
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.policy.style_follower import StyleChoice
 from humanoid_getup.progress.callback import Progress

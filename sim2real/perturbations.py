@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances import Disturbance, RandomAxis
+from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.summary import (
     PolicyClasses,
     PolicySummary,
     summarize,
     wilson_interval,
 )
-from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World

@@ -12,8 +12,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from humanoid_getup.experiments.falls import CLASSES
 from humanoid_getup.experiments.judging.summary import summarize
-from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.scenes.scene import FLAT_SCENE

@@ -10,10 +10,10 @@ import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
 from humanoid_getup.experiments.disturbances import USUAL, Scenarios
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.rollouts import Experiment
-from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play_in_simulation
 from humanoid_getup.simulation.domain_parameters import DomainParameters

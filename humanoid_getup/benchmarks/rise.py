@@ -16,8 +16,8 @@ from humanoid_getup.engines.versions import Versions
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseFigures, RiseResult
 from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.summary import RiseSummary
-from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.scenes.ground import Slope
 from humanoid_getup.scenes.scene import Scene, lay_at

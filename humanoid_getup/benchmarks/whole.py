@@ -25,9 +25,9 @@ from humanoid_getup.benchmarks.rise import (
     measure_rise,
     summarize_classes,
 )
+from humanoid_getup.experiments.drop import FallError
+from humanoid_getup.experiments.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.experiments.judging.summary import RiseSummary
-from humanoid_getup.experiments.starts.drop import FallError
-from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import list_motions, load_database
 from humanoid_getup.policy.onnx_policy import list_policies

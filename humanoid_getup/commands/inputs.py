@@ -12,7 +12,7 @@ import numpy as np
 
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.options import BodyOption, RobotOption, SceneOptions, TorqueOptions
-from humanoid_getup.experiments.starts.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
+from humanoid_getup.experiments.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes

@@ -13,8 +13,8 @@ from humanoid_getup.execution.recovery import RESTED, Recovery, StoppedError, Un
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
 from humanoid_getup.execution.session import Phase, PhaseChange, Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
+from humanoid_getup.experiments.falls import UNCLASSED, classify
 from humanoid_getup.experiments.judging.outcome import JointFigures, Outcome
-from humanoid_getup.experiments.starts.falls import UNCLASSED, classify
 from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
 from humanoid_getup.playback.monitors import AbortKind

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.falls import classify, settle_posture
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts import play
-from humanoid_getup.experiments.starts.falls import classify, settle_posture
 from humanoid_getup.motions.course import join
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes

@@ -9,11 +9,10 @@ from functools import partial
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import classify
+from humanoid_getup.experiments.falls import classify
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
-from humanoid_getup.motions.motion_database import Connection, KeyPosture, MotionDatabase
+from humanoid_getup.motions.motion_database import Connection, KeyPosture, MotionDatabase, name_body
 from humanoid_getup.motions.posture_metric import PostureMetric
-from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import PathOptions, PathResult, place_stops, plan_via
 from humanoid_getup.planning.placement import WayOut, find_way_out

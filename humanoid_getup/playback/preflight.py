@@ -10,8 +10,8 @@ import numpy as np
 
 from drivers.safety_limits import find_max_temperature
 from drivers.twin.device_models import AMBIENT_TEMPERATURE
+from humanoid_getup.experiments.falls import classify
 from humanoid_getup.experiments.judging.torque import LONG_SATURATION
-from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.play import describe_end

@@ -11,9 +11,9 @@ import numpy as np
 from drivers import Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.safety_limits import find_max_temperature
 from drivers.twin.device_models import AMBIENT_TEMPERATURE, Windings
+from humanoid_getup.experiments.falls import find_rest
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.torque import find_longest, find_saturation
-from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play_in_simulation

@@ -18,8 +18,7 @@ from humanoid_getup.policy.observation import (
     compute_torque_share,
     observe,
 )
-from humanoid_getup.policy.onnx_file import NetworkError
-from humanoid_getup.policy.onnx_network import OnnxNetwork
+from humanoid_getup.policy.onnx_file import NetworkError, OnnxNetwork
 from humanoid_getup.policy.style_follower import StyleFollower
 from humanoid_getup.style.curve_tracker import FollowedStyle
 from humanoid_getup.style.features import UNKNOWN

@@ -8,7 +8,7 @@ from itertools import groupby
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from humanoid_getup.experiments.starts.falls import classify
+from humanoid_getup.experiments.falls import classify
 from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains.features import StandMeter

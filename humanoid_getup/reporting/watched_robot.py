@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers import Cycle, State
 from drivers.state import HardwareError
-from humanoid_getup.experiments.starts.falls import classify
+from humanoid_getup.experiments.falls import classify
 from humanoid_getup.simulation.world import World
 from robots import Joint, quaternion
 from robots.joint_directions import find_directions

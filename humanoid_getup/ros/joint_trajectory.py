@@ -17,7 +17,6 @@ import numpy as np
 
 from drivers.flight_log.foxglove import SECOND
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.ros.messages import make_stamp
 from robots import Robot
 from robots.quaternion import Array
 
@@ -108,3 +107,8 @@ def _write_point(point: tuple[dict[str, int], dict[str, list[str]]]) -> str:
     time = f"time_from_start: {{sec: {stamp['sec']}, nanosec: {stamp['nanosec']}}}"
     values = (f"{key}: [{', '.join(row)}]" for key, row in rows.items())
     return f"- {{{', '.join((time, *values))}}}"
+
+
+def make_stamp(time: int) -> dict[str, int]:
+    """Write a time [ns] as ROS does."""
+    return dict(zip(("sec", "nanosec"), divmod(time, SECOND), strict=True))

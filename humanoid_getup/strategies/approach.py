@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import find_side
+from humanoid_getup.experiments.falls import find_side
 from humanoid_getup.filtering.candidate import Candidate, straight_path
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.motions.motion import Motion, Trajectory

@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
+from humanoid_getup.experiments.falls import CLASSES, classify
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.starts.falls import CLASSES, classify
 from humanoid_getup.motions.motion_database import KeyPosture, MotionDatabase
 from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.progress.callback import ProgressMonitor

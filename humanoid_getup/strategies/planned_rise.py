@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import CLASSES, classify, find_side
+from humanoid_getup.experiments.falls import CLASSES, classify, find_side
 from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.course import Course, record_motion
@@ -19,11 +19,11 @@ from humanoid_getup.motions.motion_database import (
     KeyPosture,
     MotionDatabase,
     load_database,
+    name_body,
     name_keys,
     suggest_motions,
 )
 from humanoid_getup.motions.preference import PreferenceName
-from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.planning.collision import check_keys
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World

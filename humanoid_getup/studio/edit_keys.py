@@ -9,7 +9,7 @@ import numpy as np
 
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.motions.build import ATTITUDES, try_out
-from humanoid_getup.motions.importing.imported_keyframes import (
+from humanoid_getup.motions.imported_keyframes import (
     TORQUE_SHARE,
     choose_free,
     find_travel_time,

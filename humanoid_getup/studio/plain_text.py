@@ -6,7 +6,7 @@ import html
 import re
 from collections.abc import Sequence
 
-from humanoid_getup.experiments.starts.falls import UNCLASSED
+from humanoid_getup.experiments.falls import UNCLASSED
 
 MARKUP = re.compile(r"[!-/:-@\[-`{-~]")
 """Punctuation, of which any may mean something to markdown or HTML."""

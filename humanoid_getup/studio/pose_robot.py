@@ -11,7 +11,7 @@ import numpy as np
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.inputs import load_world
 from humanoid_getup.commands.options import SceneOptions
-from humanoid_getup.experiments.starts.falls import (
+from humanoid_getup.experiments.falls import (
     CLASSES,
     UNCLASSED,
     Fall,

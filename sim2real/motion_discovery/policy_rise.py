@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.judging.lying import LyingSide
-from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.motions.build import lay_down_at_random
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from humanoid_getup.policy.onnx_policy import OnnxPolicy

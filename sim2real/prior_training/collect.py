@@ -10,8 +10,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from humanoid_getup.experiments.starts.drop import Drops
-from humanoid_getup.experiments.starts.falls import CLASSES, sample_fall_set
+from humanoid_getup.experiments.drop import Drops
+from humanoid_getup.experiments.falls import CLASSES, sample_fall_set
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy

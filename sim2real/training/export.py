@@ -19,8 +19,7 @@ from tensordict import TensorDict
 
 from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.observation import StyleInput, list_terms, mirror_of_observation
-from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
-from humanoid_getup.policy.onnx_network import OnnxNetwork
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, OnnxNetwork, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from robots import Robot
 from robots.storage.files import atomic_path

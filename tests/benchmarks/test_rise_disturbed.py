@@ -18,7 +18,7 @@ from humanoid_getup.benchmarks.rise import (
     WorldChange,
     turn_head,
 )
-from humanoid_getup.experiments.starts.falls import sample_fall
+from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from robots import quaternion
 from robots.kinematics import center_of_mass

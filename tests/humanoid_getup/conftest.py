@@ -6,7 +6,7 @@ from run_getup import Run
 from stored_plans import lie_at_start, plan_stored
 
 from humanoid_getup.commands.main import main
-from humanoid_getup.experiments.starts.falls import sample_fall
+from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise

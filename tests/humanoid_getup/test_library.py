@@ -17,8 +17,8 @@ from drivers.dynamixel.backend import DynamixelBackend
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import Session
+from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge, SensorJudge
-from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.scenes.scene import FLAT_SCENE
 
 LIMIT = hg.TorqueLimit(2.5, "pwm")

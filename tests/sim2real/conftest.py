@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts.drop import Drops
+from humanoid_getup.experiments.drop import Drops
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World

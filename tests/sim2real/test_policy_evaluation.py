@@ -8,9 +8,8 @@ import pytest
 from policy_functions import remember_actions
 from records import make_record
 
+from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.record import Record
-from humanoid_getup.experiments.judging.running_outcome import RunningOutcome
-from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_actions
 from humanoid_getup.policy.observation import StyleInput, list_terms
 from humanoid_getup.scenes.scene import FLAT_SCENE
@@ -24,7 +23,13 @@ from sim2real.environment.physics.model_variants import MODEL_VARIANTS
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
 from sim2real.perturbations import Perturbation, PolicyTrial, make_parameters, summarize_rollouts
-from sim2real.policy_evaluation import PolicyDriver, PolicyFigures, PolicyRollouts, roll_out_policy
+from sim2real.policy_evaluation import (
+    PolicyDriver,
+    PolicyFigures,
+    PolicyRollouts,
+    RunningOutcome,
+    roll_out_policy,
+)
 
 
 def idle(action: ActionSpec) -> Callable[[np.ndarray], np.ndarray]:

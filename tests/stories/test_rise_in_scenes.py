@@ -6,7 +6,7 @@ import pytest
 import humanoid_getup as hg
 from drivers import SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
-from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.scenes.named_scenes import load_scene
 from robots import Robot
 

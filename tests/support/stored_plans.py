@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import settle_posture
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion

@@ -29,8 +29,8 @@ from humanoid_getup.commands.output_files import staging
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Then
+from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.reporting import film_strip, plots
 from humanoid_getup.reporting.report import (

@@ -21,7 +21,7 @@ from humanoid_getup.execution.after_stand import naming_hand_over
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import DeadReckoning, SessionOptions
-from humanoid_getup.experiments.starts.falls import Fall, find_rest
+from humanoid_getup.experiments.falls import Fall, find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.report import RiseSettings

@@ -26,7 +26,7 @@ from humanoid_getup.commands.options import BodyOption
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.experiments.starts.falls import UNCLASSED, Fall, find_rest
+from humanoid_getup.experiments.falls import UNCLASSED, Fall, find_rest
 from humanoid_getup.progress.callback import ProgressMonitor
 
 

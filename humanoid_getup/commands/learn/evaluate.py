@@ -25,13 +25,13 @@ from humanoid_getup.commands.policies import name_robot
 from humanoid_getup.commands.values import at_least, between
 from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.engines.versions import checked
-from humanoid_getup.experiments.judging.summary import PolicySummary, Quantiles
-from humanoid_getup.experiments.starts.falls import (
+from humanoid_getup.experiments.falls import (
     CLASSES,
     FallSet,
     FallSetError,
     sample_fall_set,
 )
+from humanoid_getup.experiments.judging.summary import PolicySummary, Quantiles
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.scenes.named_scenes import is_random, seed_grounds

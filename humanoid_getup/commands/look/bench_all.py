@@ -36,7 +36,7 @@ from humanoid_getup.commands.pieces import make_worker_request, starting
 from humanoid_getup.commands.values import at_least
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import Versions, checked
-from humanoid_getup.experiments.starts.falls import CLASSES
+from humanoid_getup.experiments.falls import CLASSES
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.reporting.benchmark_page import save_benchmark, write_page

@@ -19,7 +19,7 @@ from humanoid_getup.commands.motions.build_motions import BuildRequest
 from humanoid_getup.commands.options import CommandRequest, RobotOption, write_command
 from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.build import try_out
-from humanoid_getup.motions.importing.imported_keyframes import (
+from humanoid_getup.motions.imported_keyframes import (
     ImportedKeyframes,
     guess_start,
     load_sequences,

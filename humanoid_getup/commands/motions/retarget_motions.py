@@ -25,7 +25,7 @@ from humanoid_getup.commands.motions.build_motions import (
     print_built,
 )
 from humanoid_getup.commands.options import RobotOption, write_command
-from humanoid_getup.experiments.starts.falls import CLASSES
+from humanoid_getup.experiments.falls import CLASSES
 from humanoid_getup.motions.build import SOUND, build_unimproved, motion_file
 from humanoid_getup.motions.keyframes import Keyframes, KeyTransfer
 from humanoid_getup.motions.keyframes_file import KEYFRAMES

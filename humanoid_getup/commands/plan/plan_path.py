@@ -19,7 +19,7 @@ from humanoid_getup.commands.inputs import find_start, load_keys, load_world
 from humanoid_getup.commands.options import NO_ORIGIN, BodyOption, Keys, Origin, SceneOptions
 from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.values import at_least
-from humanoid_getup.experiments.starts.falls import Fall
+from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.motions.motion_database import KeyPosture, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.path_planner import PathOptions

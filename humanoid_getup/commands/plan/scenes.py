@@ -17,7 +17,7 @@ from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import READ, WRITTEN
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import BodyOption, RobotOption, Seed
-from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls
+from humanoid_getup.experiments.falls import CLASSES, sample_falls
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.scenes.named_scenes import list_scenes, load_scene

@@ -11,8 +11,8 @@ import trimesh
 
 from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.motions.search_motions import MotionSearch
+from humanoid_getup.experiments.falls import UNCLASSED, classify
 from humanoid_getup.experiments.judging.standing import MAX_TILT, MIN_NECK_SHARE
-from humanoid_getup.experiments.starts.falls import UNCLASSED, classify
 from humanoid_getup.posture_chains.features import StandFeatures, StandMeter
 from humanoid_getup.posture_chains.resting_state import RestingState
 from humanoid_getup.posture_chains.rise_kind import ON_SOLES, PASSING, KindNamer

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import CLASSES, Fall
+from humanoid_getup.experiments.falls import CLASSES, Fall
 from humanoid_getup.progress.callback import Cancel
 from humanoid_getup.studio.inverse_kinematics import EndPose
 from humanoid_getup.studio.page import Page, add_button_row

@@ -28,7 +28,7 @@ from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.inputs import find_start, load_world, make_torque_limit
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import Phase, PhaseChange, SessionOptions
-from humanoid_getup.experiments.starts.falls import find_rest
+from humanoid_getup.experiments.falls import find_rest
 from humanoid_getup.playback.monitors import DOWN, Persistence, vector_angle
 from humanoid_getup.progress.callback import CancelledError, ProgressMonitor
 from humanoid_getup.strategies.choice import StrategyRequest, choose_strategy

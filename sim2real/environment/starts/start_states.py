@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.starts.drop import Drops, FallError
+from humanoid_getup.experiments.drop import Drops, FallError
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER

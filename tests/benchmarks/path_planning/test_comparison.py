@@ -12,7 +12,7 @@ from path_planning.planning_problems import (
     is_free_path,
 )
 
-from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.simulation.world import World

@@ -11,8 +11,8 @@ from humanoid_getup.benchmarks.motions import MotionPiece, find_lowest_limit, me
 from humanoid_getup.benchmarks.rise import RiseBench
 from humanoid_getup.benchmarks.whole import SHARES, make_caps
 from humanoid_getup.commands.main import main
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import load_database
 from robots import Robot
 

@@ -14,8 +14,8 @@ from humanoid_getup.benchmarks.whole import (
     select_rises,
     summarize_rises,
 )
+from humanoid_getup.experiments.falls import CLASSES
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.benchmark_page import save_benchmark, write_page
 from humanoid_getup.simulation.world import World

@@ -3,7 +3,7 @@
 import pytest
 from prone_motions import RIGHT
 
-from humanoid_getup.experiments.starts.falls import settle_posture
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World

@@ -10,7 +10,7 @@ import pytest
 from recording_backend import RecordingBackend, still_state
 
 from drivers import Ending, SafetyGuard, run
-from humanoid_getup.execution.hand_recorder import HandRecorder, Press, TerminalPresses
+from humanoid_getup.commands.motions.record_motion import HandRecorder, Press, TerminalPresses
 
 TAKE, UNDO, FINISH, LEAVE = Press.TAKE, Press.UNDO, Press.FINISH, Press.LEAVE
 

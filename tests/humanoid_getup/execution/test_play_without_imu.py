@@ -9,8 +9,8 @@ from drivers import Ending, SafetyGuard, Twin, run
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.judge import SensorJudge
-from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.playback.play import MotionPlayer
 from humanoid_getup.simulation.world import World

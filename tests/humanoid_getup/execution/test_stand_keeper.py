@@ -18,8 +18,8 @@ from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
 from humanoid_getup.execution import stand_keeper
 from humanoid_getup.execution.session import Phase, PhaseChange, Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper, StandWatch
+from humanoid_getup.experiments.falls import classify, settle_posture
 from humanoid_getup.experiments.judging.standing import HOLD
-from humanoid_getup.experiments.starts.falls import classify, settle_posture
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit

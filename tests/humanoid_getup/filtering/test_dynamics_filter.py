@@ -6,8 +6,8 @@ import pytest
 from nonempty import nonempty
 
 from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.rollouts import Experiment, play
-from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.filtering.candidate import Candidate, Slowdown, compose, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.search import TargetSearch

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP
-from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.filtering.candidate import Candidate, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.separation import FADES, MARGINS, Separation

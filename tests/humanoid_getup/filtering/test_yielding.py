@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.judging.torque import LONG_SATURATION
-from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.filtering.candidate import Candidate, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.tracking import PRESSING, Yielding

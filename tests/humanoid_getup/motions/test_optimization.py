@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from humanoid_getup.experiments.disturbances import USUAL, Scenarios
+from humanoid_getup.experiments.falls import classify
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP
 from humanoid_getup.experiments.rollouts import play
-from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions import optimization
 from humanoid_getup.motions.build import lay_down, lay_on_side, settle
 from humanoid_getup.motions.motion import hold_last

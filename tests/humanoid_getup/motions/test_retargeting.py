@@ -9,8 +9,13 @@ from model_files import write_model
 
 from humanoid_getup.motions.keyframes import Keyframes, KeyTransfer
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import find_motion, load_database
-from humanoid_getup.motions.retargeting import BODY, MOST_OVERLAP, Retargeting
+from humanoid_getup.motions.motion_database import (
+    BODY,
+    MOST_OVERLAP,
+    Retargeting,
+    find_motion,
+    load_database,
+)
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Body, Robot, load_robot, reshape

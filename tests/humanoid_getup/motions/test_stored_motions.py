@@ -5,9 +5,9 @@ import pytest
 from nonempty import nonempty
 
 from drivers import SafetyGuard, Twin
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.standing import HOLD
-from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
 from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker

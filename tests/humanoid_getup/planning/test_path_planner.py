@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.motions.posture_metric import PostureMetric, align
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import SPEED_SHARE, PathOptions, PathResult, plan_path

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
 from humanoid_getup.planning.path_planner import plan_via

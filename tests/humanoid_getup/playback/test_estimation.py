@@ -8,7 +8,7 @@ from nonempty import nonempty
 
 from drivers import FaultKind, SafetyGuard, State, Twin
 from drivers.twin.simulation import SimulationOptions
-from humanoid_getup.experiments.starts.falls import sample_falls, settle_posture
+from humanoid_getup.experiments.falls import sample_falls, settle_posture
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.estimation import (
     MAX_SETTLE,

@@ -14,8 +14,8 @@ from stored_motions import MOTIONS, OWN, one_of_each_kind
 from drivers import SafetyGuard, Twin
 from drivers.twin.device_models import Windings
 from humanoid_getup.commands.command import load_command
+from humanoid_getup.experiments.falls import find_rest
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback import preflight_rollout
 from humanoid_getup.playback.estimation import estimate_posture, settle

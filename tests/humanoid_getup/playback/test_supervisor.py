@@ -8,9 +8,9 @@ from recording_backend import still_state
 from stored_motions import MOTIONS
 
 from drivers import SafetyGuard, State, Twin
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.standing import HOLD
-from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.play import play

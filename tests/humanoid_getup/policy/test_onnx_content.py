@@ -21,15 +21,15 @@ from nonempty import nonempty
 from onnx import TensorProto, helper, numpy_helper
 from tiny_policies import save_policy, weights_of
 
-from humanoid_getup.policy import onnx_network
+from humanoid_getup.policy import onnx_file
 from humanoid_getup.policy.onnx_file import (
     CHECKSUM_ENTRY,
     CONTRACT_KEY,
     NetworkError,
+    OnnxNetwork,
     read_model,
     seal_model,
 )
-from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError, read_contract
 from robots import Robot, load_robot
 
@@ -137,10 +137,10 @@ def test_an_inference_that_ends_its_process_or_takes_many_periods_is_refused(
     """As when the system is out of memory, or in onnxruntime itself."""
     file = save_policy(tmp_path / "p.onnx", tiny)
     assert 0.0 < OnnxNetwork(file).inference_time < 20 * tiny.control_period
-    monkeypatch.setattr(onnx_network, "_test", lambda *_: signal.raise_signal(signal.SIGKILL))
+    monkeypatch.setattr(onnx_file, "_test", lambda *_: signal.raise_signal(signal.SIGKILL))
     with pytest.raises(NetworkError, match=r"^an inference ends its process \(-9\)$"):
         OnnxNetwork(file)
-    monkeypatch.setattr(onnx_network, "_test", lambda *_: ([], 4.8))
+    monkeypatch.setattr(onnx_file, "_test", lambda *_: ([], 4.8))
     message = r"an inference takes 4\.8 s, expected at most 20 control periods of 0\.008 s$"
     with pytest.raises(PolicyError, match=message):
         OnnxPolicy.load(file, tiny)
@@ -164,7 +164,7 @@ def test_a_signal_ends_the_wait_for_an_inference(
             came.append(number)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(onnx_network, "_test", interrupt_parent)
+    monkeypatch.setattr(onnx_file, "_test", interrupt_parent)
     signal.signal(signal.SIGUSR1, stop)
     try:
         with pytest.raises(KeyboardInterrupt):

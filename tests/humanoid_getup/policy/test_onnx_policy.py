@@ -12,7 +12,7 @@ from bus_stories import TINY, copy_tiny
 from tiny_policies import actions_of, contract_of, save_policy, state_of, weights_of
 
 from drivers import Ending, GuardLimits, SafetyGuard, State, Twin, run
-from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.policy.action import next_target
 from humanoid_getup.policy.observation import observe
 from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy, PolicyError

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts.falls import sample_fall
+from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.posture_chains import crawl_search
 from humanoid_getup.posture_chains.crawl_search import MOST_SATURATION, Crawl, CrawlSearch

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.robot_check import ability_check
-from humanoid_getup.robot_check.ability_check import check_arms, check_depth, check_strength
+from humanoid_getup.robot_check import check as ability_check
+from humanoid_getup.robot_check.check import check_arms, check_depth, check_strength
 from robots import Robot
 from robots.body.limbs import Limbs
 from robots.body.squats import Squat

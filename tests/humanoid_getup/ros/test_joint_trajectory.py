@@ -15,11 +15,11 @@ from scipy.interpolate import PchipInterpolator
 from drivers import SafetyGuard, State, Twin
 from humanoid_getup.commands.main import main
 from humanoid_getup.commands.motions.export_motion import ExportMotionRequest, export_motion
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.standing import HOLD
-from humanoid_getup.experiments.starts.falls import settle_posture
-from humanoid_getup.motions.importing.imported_keyframes import load_sequences
-from humanoid_getup.motions.importing.trajectory_file import CLOSE
+from humanoid_getup.motions.imported_keyframes import load_sequences
+from humanoid_getup.motions.key_files import CLOSE
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database
 from humanoid_getup.playback.play import MotionPlayer, play

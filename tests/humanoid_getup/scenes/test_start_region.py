@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts.falls import classify
+from humanoid_getup.experiments.falls import classify
 from humanoid_getup.scenes.scene import ANYWHERE, StartRegion, lying
 from robots import Posture, quaternion
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from drivers import Twin
 from humanoid_getup.experiments.disturbances import USUAL
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.rollouts import play
-from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.playback.estimation import SINKING, estimate_posture
 from humanoid_getup.scenes.named_scenes import load_scene

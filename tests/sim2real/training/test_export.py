@@ -19,8 +19,7 @@ from tensordict import TensorDict
 
 from humanoid_getup.commands.main import main
 from humanoid_getup.policy.observation import list_terms
-from humanoid_getup.policy.onnx_file import CHECKSUM_ENTRY, read_model, seal_model
-from humanoid_getup.policy.onnx_network import OnnxNetwork
+from humanoid_getup.policy.onnx_file import CHECKSUM_ENTRY, OnnxNetwork, read_model, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from robots import Robot
 from sim2real.training.checkpoint import CHECKPOINT

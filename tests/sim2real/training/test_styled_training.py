@@ -18,7 +18,7 @@ from tensordict import TensorDict
 
 from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.policy.observation import UPRIGHT
-from humanoid_getup.policy.onnx_network import OnnxNetwork
+from humanoid_getup.policy.onnx_file import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.style.style import load_style
 from robots import Robot

@@ -10,7 +10,7 @@ from run_getup import Run
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.main import main
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.retargeting import BODY
+from humanoid_getup.motions.motion_database import BODY
 from robots import Robot
 
 

@@ -18,7 +18,7 @@ from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.get_up.play import PlayRequest, play_motion
 from humanoid_getup.commands.robot.watch import WatchRequest, watch
 from humanoid_getup.commands.viewer import rest_measured
-from humanoid_getup.experiments.starts.falls import classify
+from humanoid_getup.experiments.falls import classify
 from humanoid_getup.playback.estimation import SINKING
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.video import save_video

@@ -15,7 +15,7 @@ from tiny_policies import save_policy
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.learn.evaluate import EvaluateRequest, evaluate
 from humanoid_getup.commands.main import main
-from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet
+from humanoid_getup.experiments.falls import CLASSES, Fall, FallSet
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.progress.callback import Progress
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus

@@ -11,8 +11,7 @@ from run_getup import Run
 
 from drivers import DriverError
 from humanoid_getup.commands.motions import record_motion
-from humanoid_getup.commands.motions.record_motion import RecordMotion
-from humanoid_getup.execution.hand_recorder import Press
+from humanoid_getup.commands.motions.record_motion import Press, RecordMotion
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from robots import Robot, load_robot
 

@@ -9,7 +9,7 @@ import pytest
 from run_getup import Run
 
 from humanoid_getup.commands.plan.plan_path import PlanRequest, plan
-from humanoid_getup.experiments.starts.falls import sample_fall
+from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_key
 from humanoid_getup.simulation.world import World

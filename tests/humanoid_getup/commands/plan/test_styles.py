@@ -14,7 +14,7 @@ from tiny_policies import save_styled_policy
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.plan.extract_style import ExtractRequest, extract_style
 from humanoid_getup.commands.plan.styles import EditStyleRequest, edit_style
-from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet
+from humanoid_getup.experiments.falls import CLASSES, Fall, FallSet
 from humanoid_getup.style.style import list_styles, load_style, read_style
 from humanoid_getup.style.style_editor import rise_time
 from robots import Robot

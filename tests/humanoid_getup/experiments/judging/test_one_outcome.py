@@ -5,11 +5,11 @@ import pytest
 
 from drivers import Command, Twin
 from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import join_records
 from humanoid_getup.experiments.rollouts import Experiment, play
-from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.scenes.scene import FLAT_SCENE

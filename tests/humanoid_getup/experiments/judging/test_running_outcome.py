@@ -6,8 +6,8 @@ from records import make_record
 
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import join_records
-from humanoid_getup.experiments.judging.running_outcome import RunningOutcome
 from robots import Robot
+from sim2real.policy_evaluation import RunningOutcome
 
 PERIOD, COUNT = 0.01, 500
 

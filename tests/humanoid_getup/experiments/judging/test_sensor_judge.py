@@ -12,9 +12,9 @@ from drivers.control_loop import Timing
 from drivers.safety_limits import ClipCounts
 from drivers.twin.device_models import SensorNoise
 from drivers.twin.simulation import SimulationOptions
+from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.play import MotionPlayer

@@ -7,8 +7,7 @@ import pytest
 from nonempty import nonempty
 
 from humanoid_getup.experiments.disturbances import Scenarios
-from humanoid_getup.experiments.rollouts import play
-from humanoid_getup.experiments.starts.falls import (
+from humanoid_getup.experiments.falls import (
     CLASSES,
     Fall,
     FallSet,
@@ -17,6 +16,7 @@ from humanoid_getup.experiments.starts.falls import (
     sample_fall_set,
     sample_falls,
 )
+from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import Posture, Robot, quaternion
 from robots.kinematics import lowest_point, place

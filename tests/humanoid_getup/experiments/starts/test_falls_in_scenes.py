@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts import drop, falls
-from humanoid_getup.experiments.starts.drop import FallError
-from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.experiments import drop, falls
+from humanoid_getup.experiments.drop import FallError
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.scene import Scene, StartRegion

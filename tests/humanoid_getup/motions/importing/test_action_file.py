@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from paths import SHARED
 
-from humanoid_getup.motions.importing.action_file import KEEP, RELEASE, ActionFile, load_page
+from humanoid_getup.motions.action_file import KEEP, RELEASE, ActionFile, load_page
 from robots import Robot
 from robots.servo import RAD_PER_TICK
 

@@ -10,14 +10,18 @@ from authored import load_robot_keyframes
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.motions.importing.imported_keyframes import (
+from humanoid_getup.motions.imported_keyframes import (
     guess_start,
     load_key_table,
     load_sequences,
     make_keyframes,
 )
-from humanoid_getup.motions.importing.key_sequence import MOST_KEYS, KeyCollector
-from humanoid_getup.motions.importing.trajectory_file import CLOSE, choose_keys
+from humanoid_getup.motions.key_files import (
+    CLOSE,
+    MOST_KEYS,
+    KeyCollector,
+    choose_keys,
+)
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.keyframes_writer import save_keyframes
 from humanoid_getup.simulation.world import World

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts.falls import sample_fall
+from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, find_motion
 from humanoid_getup.motions.posture_metric import PostureMetric

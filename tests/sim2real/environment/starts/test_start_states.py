@@ -10,8 +10,8 @@ pytest.importorskip("gymnasium")
 
 from pathlib import Path
 
-from humanoid_getup.experiments.starts.drop import DropSampler
-from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.experiments.drop import DropSampler
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.simulation.world import World
 from robots import load_robot
 from robots.body.parts import find_arm_joints

@@ -1,12 +1,15 @@
-"""Trajectories of ROS: `trajectory_msgs/msg/JointTrajectory`, in YAML or JSON.
+"""Key sequences: postures and the times between them, from files of other programs.
 
-The message as `ros2 topic echo` prints it and `ros2 topic pub` takes it, or the goal of
-`FollowJointTrajectory` with it. Velocities and accelerations are left out: keys are joined
-smoothly anyway.
+They are tables (CSV), animations of the Bit-Bots' soccer robots (JSON), and trajectories of ROS, in
+YAML or JSON: the message `JointTrajectory` as `ros2 topic echo` prints it and
+`ros2 topic pub` takes it, or the goal of `FollowJointTrajectory` with it. Velocities and
+accelerations are left out: keys are joined smoothly anyway.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 from collections.abc import Mapping
@@ -19,11 +22,76 @@ import numpy as np
 from msgspec import Meta
 from scipy.interpolate import PchipInterpolator
 
-from humanoid_getup.motions.importing.key_sequence import MOST_KEYS, KeyCollector, KeySequence
+from humanoid_getup.motions.motion import MAX_DURATION
 from robots import Robot
 from robots.quaternion import Array
-from robots.storage.validation import name_unknown_joints, on_axes, parse_file, read_table
+from robots.storage.validation import name_unknown_joints, on_axes, parse_file, read_table, shown
 from robots.storage.yaml_text import parse_yaml
+
+MOST_KEYS = 120
+"""Keys of a sequence; one with more is a recording, not keys."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeySequence:
+    """Key postures of one motion and the times between them."""
+
+    name: str
+    source: str
+    """Its source, for messages."""
+    keys: Array
+    """Joint angles [rad], shape (K, n), in the robot's joint order."""
+    after: Array
+    """Time from each key to the next [s], shape (K-1,), above 0."""
+    notes: tuple[str, ...] = ()
+    """Messages about content that keys cannot express."""
+
+
+@dataclass(kw_only=True)
+class KeyCollector:
+    """Collects keys in order; joints that a key omits keep their last angles.
+
+    Joints that are not in the first key stand as in the robot's stance.
+    """
+
+    robot: Robot
+    keys: list[Array] = field(default_factory=list)
+    after: list[float] = field(default_factory=list)
+
+    def add(self, move: float, angles: Mapping[int, float], pause: float = 0.0) -> None:
+        """Add a key that is reached in ``move`` and held for ``pause`` [s].
+
+        A move of no time is given one control period.
+        """
+        posture = (self.keys[-1] if self.keys else self.robot.standing.joint_pos).copy()
+        for joint, angle in angles.items():
+            posture[joint] = angle
+        if self.keys:
+            self.after.append(max(move, self.robot.control_period))
+        self.keys.append(posture)
+        if pause > 0.0:
+            self.keys.append(posture)
+            self.after.append(pause)
+
+    def finish(self, name: str, source: str, notes: tuple[str, ...] = ()) -> KeySequence:
+        """Return the sequence."""
+        duration = sum(self.after)
+        if not self.keys:
+            raise ValueError(f"{source} has no keys, expected one or more")
+        if len(self.keys) > MOST_KEYS:
+            raise ValueError(f"{source} has {len(self.keys)} keys, expected at most {MOST_KEYS}")
+        if duration > MAX_DURATION:
+            raise ValueError(
+                f"{source} lasts {duration:.4g} s, expected at most {MAX_DURATION:g} s"
+            )
+        return KeySequence(
+            name=name,
+            source=source,
+            keys=np.array(self.keys),
+            after=np.array(self.after),
+            notes=notes,
+        )
+
 
 NANOSECOND = 1e-9  # s
 CLOSE = 0.01  # rad between a trajectory and the curve through the keys that stand for it
@@ -211,3 +279,83 @@ def _find_notes(animation: _Animation) -> tuple[str, ...]:
     if any(keyframe.stabilization_functions for keyframe in animation.keyframes):
         notes.append("its stabilization functions are left out")
     return tuple(notes)
+
+
+TIME = "time"
+DEGREES = "_deg"
+
+
+def load_key_table(path: Path, robot: Robot) -> KeySequence:
+    """Read a CSV table as keys: a column ``time`` [s], and one a joint in rad, or ``JOINT_deg``."""
+    try:
+        header, *rows = parse_file(path, "CSV", _read_rows) or [[]]
+        if not rows:
+            raise ValueError("no keys, expected a header and one row or more")
+        joints = _find_joints(header, robot)
+        table = _read_numbers(header, rows)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    time = table[:, header.index(TIME)]
+    collector = KeyCollector(robot=robot)
+    for row, move in zip(table, np.diff(time, prepend=time[0]), strict=True):
+        angles = {joint: scale * row[c] for c, (joint, scale) in joints.items()}
+        collector.add(float(move), angles)
+    return collector.finish(path.stem, path.name)
+
+
+def _read_rows(text: str) -> list[list[str]]:
+    """Read the rows that are not blank; the first has the names of the columns."""
+    try:
+        rows = csv.reader(io.StringIO(text), strict=True)
+        return [[cell.strip() for cell in row] for row in rows if any(row)]
+    except csv.Error as error:
+        raise ValueError(str(error)) from error
+
+
+def _find_joints(header: list[str], robot: Robot) -> dict[int, tuple[int, float]]:
+    """Find the joint of each column, and the factor that converts it to radians."""
+    names, joints, unknown = robot.joint_names, {}, []
+    for column, name in enumerate(header):
+        bare = name.removesuffix(DEGREES)
+        if name in names:
+            joints[column] = names.index(name), 1.0
+        elif name != bare and bare in names:
+            joints[column] = names.index(bare), math.pi / 180.0
+        elif name != TIME:
+            unknown.append(name)
+    if header.count(TIME) != 1:
+        raise ValueError(f"the header has {header.count(TIME)} columns '{TIME}', expected one")
+    if problems := name_unknown_joints(unknown, names):
+        raise ValueError(f"{problems[0]}, each also with {DEGREES}")
+    if not joints or len({joint for joint, _ in joints.values()}) < len(joints):
+        raise ValueError("a joint has two columns or none has one, expected one for each joint")
+    return joints
+
+
+def _read_numbers(header: list[str], rows: list[list[str]]) -> Array:
+    """Read the rows, (K, columns); times must rise."""
+    if len(rows) > MOST_KEYS:
+        raise ValueError(f"has {len(rows)} rows, expected at most {MOST_KEYS}: leave some out")
+    table = np.zeros((len(rows), len(header)))
+    for k, row in enumerate(rows):
+        if len(row) != len(header):
+            raise ValueError(f"row {k + 1} has {len(row)} values, expected {len(header)}")
+        for c, text in enumerate(row):
+            table[k, c] = _read_number(text, f"row {k + 1}: {header[c]}")
+    time = table[:, header.index(TIME)]
+    if np.any(np.diff(time) <= 0.0):
+        k = int(np.argmax(np.diff(time) <= 0.0)) + 1
+        raise ValueError(
+            f"row {k + 1}: time is {time[k]:g} s, expected after {time[k - 1]:g} s of row {k}"
+        )
+    return table
+
+
+def _read_number(text: str, place: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{place} is {shown(text)}, expected a finite number")
+    return value

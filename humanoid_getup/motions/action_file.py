@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
+from humanoid_getup.motions.key_files import KeyCollector, KeySequence
 from robots import Robot
 from robots.servo import TICKS_PER_TURN
 from robots.storage.files import read_bounded

@@ -1,1 +1,0 @@
-"""Starts of runs: sampled falls, drops, settling."""

@@ -1,1 +1,0 @@
-"""Import of keys: action files, animations and tables of other programs."""

@@ -59,16 +59,11 @@ def test_it_turns_until_the_controller_is_done(tiny, backend):
 
 @pytest.mark.parametrize("cycles", [0, 7])
 def test_a_stop_after_the_last_command_ends_the_run_as_one_before_it(tiny, backend, cycles):
-    guard = SafetyGuard(backend)
+    guard, controller = SafetyGuard(backend), Hold(tiny, cycles=cycles)
     if not cycles:
         guard.stop("a key")
-    controller = Hold(tiny, cycles=cycles)
-    report = run(
-        controller,
-        guard,
-        max_time=1.0,
-        on_cycle=lambda _: guard.stop("a key") if controller.done else None,
-    )
+    watch = lambda _: guard.stop("a key") if controller.done else None  # noqa: E731
+    report = run(controller, guard, max_time=1.0, on_cycle=watch)
     assert (report.ending, report.cycles) == (Ending.FAULT, cycles)
     assert report.reason == "the robot was stopped: a key"
 
@@ -194,10 +189,9 @@ def test_each_part_of_a_cycle_is_timed_alone(tiny, backend, monkeypatch):
     watch = costing(0.008, lambda cycle: timings.append(cycle.timing))
     report = run(controller, guard, max_time=1.0, on_cycle=watch)
     assert len(timings) == 5
+    expected = Timing(late=0.0, read=0.001, step=0.002, write=0.004)
     for timing in timings:
-        assert vars(timing) == pytest.approx(
-            vars(Timing(late=0.0, read=0.001, step=0.002, write=0.004))
-        )
+        assert vars(timing) == pytest.approx(vars(expected))
     assert report.pace.busy_median == pytest.approx(0.007)
     assert report.pace.late_max == 0.0
 
@@ -227,13 +221,10 @@ def test_in_real_time_it_goes_first_while_it_waits_for_a_wire(
 ):
     with in_real_time_class() as is_permitted:
         pass
-    backend.has_wire, found = has_wire, set()
-    run(
-        Hold(tiny, cycles=3),
-        SafetyGuard(backend),
-        max_time=1.0,
-        realtime=realtime,
-        on_cycle=lambda _: found.add(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK),
-    )
-    assert found == {os.SCHED_FIFO if is_first and is_permitted else os.SCHED_OTHER}
-    assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
+    backend.has_wire, found = has_wire, []
+    note = lambda *_: found.append(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK)  # noqa: E731
+    guard = SafetyGuard(backend)
+    run(Hold(tiny, cycles=3), guard, max_time=1.0, realtime=realtime, on_cycle=note)
+    assert set(found) == {os.SCHED_FIFO if is_first and is_permitted else os.SCHED_OTHER}
+    note()
+    assert found[-1] == os.SCHED_OTHER

@@ -165,18 +165,6 @@ def test_a_far_target_is_approached_at_top_speed_and_each_cut_is_counted(guard):
     ]
 
 
-def test_torque_never_returns_with_a_jerk(guard, backend):
-    for _ in range(5):
-        guard.read()
-        guard.write(hold(0.15))
-    guard.read()
-    guard.write(Command.limp(N))
-    backend.state = replace(backend.state, joint_pos=np.array([-0.5, -0.5]))  # it fell
-    guard.read()
-    sent = guard.write(hold(0.15))
-    assert sent.joint_pos == pytest.approx([-0.5 + 4.82 * 0.008] * 2)
-
-
 def test_a_fault_is_latched_until_cleared_and_clearing_without_one_keeps_the_last_target(guard):
     guard.read()
     guard.write(hold(0.03))

@@ -85,7 +85,6 @@ def test_an_error_reaches_the_state_whatever_bit_its_servo_shows_it_by(model: st
 
 # The board: its registers, and the checks at the start -------------------------------------------
 
-
 BAUD = 2_000_000
 OPENCR = BoardSettings(model="OpenCR", id=200, imu_axes=("y", "-x", "z"), powers_servos=True)
 

@@ -190,7 +190,6 @@ def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
 
 # Ranges of goals, and the modes of a torque limit ------------------------------------------------
 
-
 SLOPES = (2, 4, 8, 16, 32, 64, 128)  # those that an AX distinguishes (e-manual)
 
 

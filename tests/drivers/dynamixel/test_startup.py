@@ -134,7 +134,6 @@ def test_single_reads_that_wait_for_the_adapter_need_a_longer_period(
 
 # Ports of a robot --------------------------------------------------------------------------------
 
-
 PATHS = {"left": "/dev/a", "right": "/dev/b", "main": "/dev/c"}
 
 
@@ -186,7 +185,6 @@ def test_servos_without_known_registers_are_refused_in_one_line(tiny: Robot):
 
 
 # Registers that a servo needs before it may move, set one instruction a step ---------------------
-
 
 BAUD = 1_000_000
 RAM = {"status_return_level": 2, "position_p_gain": 800} | dict.fromkeys(

@@ -86,7 +86,6 @@ def test_a_joint_beyond_its_range_is_taken_at_the_nearer_end():
 
 # Ticks of encoders --------------------------------------------------------------------------------
 
-
 ANGLES = st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2)
 
 

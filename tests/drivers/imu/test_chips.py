@@ -15,12 +15,8 @@ from drivers.virtual_bus.imu.bno08x_i2c import PACKET, VirtualBno08xI2c
 from drivers.virtual_bus.imu.virtual_imu import ImuReading, to_counts
 from robots import ImuSettings
 
-READING = ImuReading(
-    time=0.0,
-    gyro=np.radians([1.0, -2.0, 0.0]),
-    accelerometer=np.array([0.0, 1.0, 9.81]),
-    orientation=np.array([1.0, 0.0, 0.0, 0.0]),
-)
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+READING = ImuReading(0.0, np.radians([1.0, -2.0, 0.0]), np.array([0.0, 1.0, 9.81]), UPRIGHT)
 
 
 def test_a_bno055_answers_frames_as_its_data_sheet_shows():

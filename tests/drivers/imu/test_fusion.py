@@ -23,8 +23,7 @@ UP = np.array([0.0, 0.0, GRAVITY])
 
 
 def sample(number: int, gyro: float = 0.0, **fields) -> ImuSample:
-    counts = number.to_bytes(4, "little")
-    return ImuSample(gyro=np.array([0, 0, gyro]), accelerometer=UP, counts=counts, **fields)
+    return ImuSample(np.array([0, 0, gyro]), UP, counts=number.to_bytes(4, "little"), **fields)
 
 
 def tilted(number: int, roll: float = 0.5, **fields) -> ImuSample:
@@ -60,8 +59,7 @@ def test_a_body_that_moved_at_the_start_is_measured_again_once_it_has_rested():
 @pytest.mark.parametrize("force", [0.94, 1.06])
 def test_a_body_that_is_pushed_does_not_rest(force: float):
     fusion = ImuFusion(0.008)
-    first = sample(0)
-    fusion.start(replace(first, accelerometer=force * first.accelerometer), 0.0)
+    fusion.start(replace(sample(0), accelerometer=force * UP), 0.0)
     for k in range(1, 20):
         pushed = tilted(k)
         fusion.update(replace(pushed, accelerometer=force * pushed.accelerometer), 0.008 * k, 0.0)
@@ -107,7 +105,6 @@ def test_no_limb_sinks_for_seconds_beside_a_torso_that_rests():
 
 
 # The orientation filter --------------------------------------------------------------------------
-
 
 PERIOD = 0.008
 

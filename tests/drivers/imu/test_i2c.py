@@ -162,7 +162,6 @@ def test_a_sample_is_as_old_as_its_transfer_and_the_time_since(monkeypatch):
 
 # A chip behind a socket is the chip itself, and a lost bus a lost IMU ----------------------------
 
-
 SETTINGS = {kind: ImuSettings(kind=kind, connection="i2c") for kind in ("bno055", "bno08x")}
 UP = np.array([0.0, 0.0, 9.81])
 TRANSFERS = st.lists(st.tuples(st.binary(max_size=40), st.integers(0, 300)), max_size=12)

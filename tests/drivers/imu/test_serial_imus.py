@@ -114,7 +114,6 @@ def test_a_reply_that_does_not_come_is_given_up(counted_time):
 
 # UART-RVC mode, against the example of the data sheet --------------------------------------------
 
-
 # BNO080 data sheet (1000-3927, October 2017), 1.3.5.2: yaw 0.01, pitch -1.10, roll 20.85 degrees;
 # acceleration -371, -20 and 977 mg.
 EXAMPLE = bytes.fromhex("AAAA DE 0100 92FF 2508 8DFE ECFF D103 000000 E7")

@@ -1,7 +1,7 @@
 """The maker's own handlers talk to virtual servos over the pty, and find nothing odd."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -30,13 +30,13 @@ LED, P_GAIN, GOAL_POSITION = 65, 84, 116
 PRESENT_PWM, PRESENT_CURRENT, PRESENT_POSITION = 124, 126, 132
 
 
-def set_patience(milliseconds: int) -> None:
-    dynamixel_sdk.port_handler.LATENCY_TIMER = milliseconds
-
-
 @pytest.fixture(autouse=True)
-def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", PATIENCE_MS)
+def set_patience(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    def set_patience(milliseconds: int) -> None:
+        monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", milliseconds)
+
+    set_patience(PATIENCE_MS)
+    return set_patience
 
 
 @contextmanager
@@ -100,7 +100,7 @@ def make_plain(model: str) -> Chain:
 
 
 @pytest.mark.parametrize("model", ["AX-12A", "MX-28(1.0)"])
-def test_a_dynamixel_of_protocol_1_is_pinged_read_and_written(model: str):
+def test_a_dynamixel_of_protocol_1_is_pinged_read_and_written(model: str, set_patience):
     table, packets = table_named(model), dynamixel_sdk.PacketHandler(1.0)
     names = ("present_position", "present_velocity", "present_temperature", "goal_position", "led")
     position, speed, temperature, goal, led = (table[name].address for name in names)

@@ -14,27 +14,17 @@ from drivers.virtual_bus.devices.servo import VirtualServo
 IDS = (1, 2, 3, 3, 200)
 TRIPPED = -1
 
-quirks = st.builds(
-    Quirks,
-    sync_gap=st.sampled_from(ReadGap),
-    fast_gap=st.sampled_from(ReadGap),
-    reboot_time=st.just(0.02),
-)
+gaps = st.sampled_from(ReadGap)
+quirks = st.builds(Quirks, sync_gap=gaps, fast_gap=gaps, reboot_time=st.just(0.02))
 ids = st.sampled_from([*IDS, 9, 252, 253, BROADCAST, BROADCAST, 255])
-raw = st.builds(
-    Packet,
-    ids,
-    st.one_of(st.sampled_from(Instruction), st.integers(0, 255)),
-    st.binary(max_size=40),
-)
+codes = st.one_of(st.sampled_from(Instruction), st.integers(0, 255))
+raw = st.builds(Packet, ids, codes, st.binary(max_size=40))
+starts = st.sampled_from([6, 7, 10, 11, 20, 36, 48, 63, 64, 68, 98, 100, 112, 116, 168, 224])
 
 
 @st.composite
 def spans(draw: st.DrawFn) -> bytes:
-    start = draw(
-        st.sampled_from([6, 7, 10, 11, 20, 36, 48, 63, 64, 68, 98, 100, 112, 116, 168, 224])
-    )
-    address = draw(st.one_of(st.just(start), st.integers(0, 700)))
+    address = draw(st.one_of(starts, st.integers(0, 700)))
     length = draw(st.one_of(st.sampled_from([1, 2, 4, 10]), st.integers(0, 0xFFFF)))
     return address.to_bytes(2, "little") + length.to_bytes(2, "little")
 
@@ -47,16 +37,17 @@ def apt(draw: st.DrawFn) -> Packet:
     some = bytes(draw(st.lists(ids, max_size=6)))
     size = min(int.from_bytes(span[2:], "little"), 300)
     filler = draw(st.sampled_from([b"\x00", b"\x01", b"\x04", b"\x7f", b"\xff"]))
-    if instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
-        return Packet(BROADCAST, instruction, span + some)
-    if instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
-        return Packet(BROADCAST, instruction, b"".join(bytes((i,)) + span for i in some))
-    if instruction is Instruction.SYNC_WRITE:
-        rows = b"".join(bytes((i,)) + filler * size for i in some)
-        return Packet(BROADCAST, instruction, span + rows)
-    if instruction is Instruction.BULK_WRITE:
-        rows = b"".join(bytes((i,)) + span + filler * size for i in some)
-        return Packet(BROADCAST, instruction, rows)
+    heads, values = [bytes((i,)) for i in some], filler * size
+    groups = {
+        Instruction.SYNC_READ: span + some,
+        Instruction.FAST_SYNC_READ: span + some,
+        Instruction.BULK_READ: b"".join(head + span for head in heads),
+        Instruction.FAST_BULK_READ: b"".join(head + span for head in heads),
+        Instruction.SYNC_WRITE: span + b"".join(head + values for head in heads),
+        Instruction.BULK_WRITE: b"".join(head + span + values for head in heads),
+    }
+    if instruction in groups:
+        return Packet(BROADCAST, instruction, groups[instruction])
     if instruction in (Instruction.WRITE, Instruction.REG_WRITE):
         return Packet(device, instruction, span[:2] + filler * size)
     if instruction is Instruction.READ:

@@ -82,11 +82,9 @@ def test_every_item_has_its_access_and_its_range():
 def find_error(item, bound: int) -> int:
     if item.name in ("goal_velocity", "goal_position"):
         return ErrorNumber.DATA_LIMIT  # the limits that apply now are narrower than the range
-    if item.name == "operating_mode" or (item.name == "drive_mode" and bound):
-        return ErrorNumber.DATA_RANGE  # the ends are modes that are not modelled, or that it lacks
-    if item.name == "protocol_type" and bound == 1:
-        return ErrorNumber.DATA_RANGE  # a virtual servo speaks Protocol 2.0 alone
-    return 0
+    # Modes that are not modelled, or that it lacks; it speaks Protocol 2.0 alone.
+    lacks = {"operating_mode": True, "drive_mode": bound != 0, "protocol_type": bound == 1}
+    return ErrorNumber.DATA_RANGE if lacks.get(item.name) else 0
 
 
 def test_a_write_is_done_whole_or_not_at_all():
@@ -161,14 +159,12 @@ def test_status_return_level_decides_what_is_answered():
 
 def test_a_registered_write_is_judged_when_it_comes_and_forgotten_by_a_reboot():
     servo = VirtualServo(1)
-    cases = {
-        b"\x84\0\0\0\0\0": ErrorNumber.ACCESS,
-        b"\x41\0\2": ErrorNumber.DATA_RANGE,
-        b"\x68\0\1": ErrorNumber.DATA_LENGTH,
-        b"\x41\0": ErrorNumber.DATA_LENGTH,
-        b"\x74\0\0\x10\0\0": ErrorNumber.DATA_LIMIT,
-    }
-    for params, number in cases.items():
+    for params, number in (
+        (b"\x84\0\0\0\0\0", ErrorNumber.ACCESS),
+        (b"\x41\0\2", ErrorNumber.DATA_RANGE),
+        (b"\x68\0\1", ErrorNumber.DATA_LENGTH),
+        (b"\x74\0\0\x10\0\0", ErrorNumber.DATA_LIMIT),
+    ):
         assert tell(servo, Instruction.REG_WRITE, params).number == number
     assert read(servo, "registered_instruction") == 0
     assert tell(servo, Instruction.REG_WRITE, b"\x68\0\x64\0\0\0").error == 0  # goal velocity

@@ -84,9 +84,7 @@ def test_measurements_survive_a_row(has_imu: bool):
     row = Measurements(servos=servos, **body, imu=imu, late=0.75).write()
     assert row.shape == (count_measurements(3),)
     found = Measurements.read(row)
-    assert found.servos == servos
-    assert found.late == 0.75
-    assert found.voltage == 11.5
+    assert (found.servos, found.late, found.voltage) == (servos, 0.75, 11.5)
     assert np.array_equal(found.gyro, gyro) and np.array_equal(found.accelerometer, force)
     assert (found.imu is not None) == has_imu
     if imu is not None and found.imu is not None:

@@ -102,7 +102,6 @@ def test_a_client_waits_for_whatever_a_device_confirms():
 
 # Instructions, however their bytes are cut -------------------------------------------------------
 
-
 BYTE = 1e-5  # s
 STUFFED = Packet(1, Instruction.WRITE, b"\x00\x01\xff\xff\xfd\x07")
 

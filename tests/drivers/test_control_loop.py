@@ -10,17 +10,9 @@ import numpy as np
 import pytest
 from recording_backend import RecordingBackend
 
-from drivers import (
-    Command,
-    DriverError,
-    Ending,
-    SafetyGuard,
-    control_loop,
-    engaged,
-    run,
-    run_engaged,
-)
+from drivers import Command, Ending, SafetyGuard, control_loop, engaged, run, run_engaged
 from drivers.control_loop import Pacer, Timing, TimingSummary
+from drivers.errors import DriverError
 from drivers.real_time_class import in_real_time_class
 
 

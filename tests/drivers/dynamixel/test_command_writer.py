@@ -12,11 +12,7 @@ from tiny_robots import with_servos, with_types
 
 from drivers import Command
 from drivers.dynamixel.backend import DynamixelBackend
-from drivers.dynamixel.command_writer import (
-    CommandConverter,
-    CommandWriter,
-    RegisterCommands,
-)
+from drivers.dynamixel.command_writer import CommandConverter, CommandWriter, RegisterCommands
 from drivers.dynamixel.control_table import OperatingMode, table_named
 from drivers.dynamixel.goal_ranges import full_scale, goal_range, round_gain, to_slope
 from drivers.dynamixel.protocol2 import Instruction, Status

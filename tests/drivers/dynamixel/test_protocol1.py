@@ -11,30 +11,24 @@ from recording_port import RecordingPort
 
 from drivers.dynamixel import protocol2 as p2
 from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, ChecksumParser, Frame1, seal
-from drivers.dynamixel.protocol2 import (
-    ALERT,
-    BROADCAST,
-    ErrorNumber,
-    Instruction,
-    Packet,
-    Reset,
-    Span,
-    Status,
-)
+from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Packet, Status
 from drivers.state import HardwareError
 
 # Published frames: e-manual, Protocol 1.0.
 PUBLISHED = [
     (p2.ping(1), "FF FF 01 02 01 FB"),
-    (p2.read(1, Span(0x2B, 1)), "FF FF 01 04 02 2B 01 CC"),
-    (p2.write(BROADCAST, 3, b"\x01"), "FF FF FE 04 03 03 01 F6"),
+    (p2.read(1, p2.Span(0x2B, 1)), "FF FF 01 04 02 2B 01 CC"),
+    (p2.write(p2.BROADCAST, 3, b"\x01"), "FF FF FE 04 03 03 01 F6"),
     (Packet(0, Instruction.ACTION), "FF FF 00 02 05 F8"),
-    (p2.factory_reset(0, Reset.ALL), "FF FF 00 02 06 F7"),
+    (p2.factory_reset(0, p2.Reset.ALL), "FF FF 00 02 06 F7"),
     (
         p2.sync_write(0x1E, {0: bytes((0x10, 0, 0x50, 1)), 1: bytes((0x20, 2, 0x60, 3))}),
         "FF FF FE 0E 83 1E 04 00 10 00 50 01 01 20 02 60 03 67",
     ),
-    (p2.bulk_read({1: Span(0x1E, 2), 2: Span(0x24, 2)}), "FF FF FE 09 92 00 02 01 1E 02 02 24 1D"),
+    (
+        p2.bulk_read({1: p2.Span(0x1E, 2), 2: p2.Span(0x24, 2)}),
+        "FF FF FE 09 92 00 02 01 1E 02 02 24 1D",
+    ),
 ]
 
 
@@ -52,7 +46,7 @@ def test_each_frame_is_that_of_the_vendors_encoders(device: int, address: int, d
     handler.writeTxOnly(port, device, address, len(data), list(data))
     assert PROTOCOL_1.encode(p2.write(device, address, data)) == port.written
     handler.readTx(port, device, address, len(data))
-    assert PROTOCOL_1.encode(p2.read(device, Span(address, len(data)))) == port.written
+    assert PROTOCOL_1.encode(p2.read(device, p2.Span(address, len(data)))) == port.written
     rows = {1: data, 2: data[::-1]}
     param = [byte for i, row in rows.items() for byte in (i, *row)]
     handler.syncWriteTxOnly(port, address, len(data), param, len(param))
@@ -106,7 +100,7 @@ def test_each_bit_of_the_error_byte_means_what_the_maker_says(wire: Frame1, mean
     for place, meaning in nonempty(enumerate(meanings)):
         reply, status = seal(3, 1 << place, b""), Status(3, meaning or 0)
         if isinstance(meaning, HardwareError):
-            status = Status(3, ALERT, alarms=meaning)
+            status = Status(3, p2.ALERT, alarms=meaning)
         (packet,) = wire.parse_replies().feed(reply)
         assert isinstance(packet, Packet)
         assert wire.decode_status(packet) == status, f"bit {place}"
@@ -115,8 +109,8 @@ def test_each_bit_of_the_error_byte_means_what_the_maker_says(wire: Frame1, mean
 
 def test_what_does_not_fit_into_a_byte_is_refused():
     with pytest.raises(ValueError, match="256"):
-        PROTOCOL_1.encode(p2.read(1, Span(256, 1)))
+        PROTOCOL_1.encode(p2.read(1, p2.Span(256, 1)))
     with pytest.raises(ValueError, match="keeps nothing"):
-        PROTOCOL_1.encode(p2.factory_reset(1, Reset.ALL_BUT_ID))
+        PROTOCOL_1.encode(p2.factory_reset(1, p2.Reset.ALL_BUT_ID))
     with pytest.raises(ValueError, match="at most 253"):
         PROTOCOL_1.encode(p2.write(1, 0, bytes(300)))

@@ -11,17 +11,7 @@ from hypothesis import strategies as st
 from recording_port import RecordingPort
 
 from drivers.dynamixel import protocol2 as p2
-from drivers.dynamixel.protocol2 import (
-    BROADCAST,
-    HEADER,
-    MAX_LENGTH,
-    PREFIX,
-    Damaged,
-    FrameParser,
-    Instruction,
-    Packet,
-    Status,
-)
+from drivers.dynamixel.protocol2 import Damaged, FrameParser, Instruction, Packet, Status
 
 
 def bitwise_crc(data: bytes) -> int:
@@ -37,18 +27,18 @@ def bitwise_crc(data: bytes) -> int:
 def frames_in(stream: bytes) -> set[bytes]:
     found = set()
     for start in range(len(stream)):
-        if stream[start : start + 4] == HEADER and len(stream) >= start + PREFIX:
+        if stream[start : start + 4] == p2.HEADER and len(stream) >= start + p2.PREFIX:
             length = int.from_bytes(stream[start + 5 : start + 7], "little")
-            frame = stream[start : start + PREFIX + length]
-            whole = 3 <= length <= MAX_LENGTH and len(frame) == PREFIX + length
+            frame = stream[start : start + p2.PREFIX + length]
+            whole = 3 <= length <= p2.MAX_LENGTH and len(frame) == p2.PREFIX + length
             if whole and bitwise_crc(frame[:-2]) == int.from_bytes(frame[-2:], "little"):
                 found.add(frame)
     return found
 
 
 def contents(frame: bytes) -> Packet:
-    body = frame[PREFIX:-2]
-    is_fast = frame[4] == BROADCAST and body[0] == Instruction.STATUS
+    body = frame[p2.PREFIX : -2]
+    is_fast = frame[4] == p2.BROADCAST and body[0] == Instruction.STATUS
     body = body if is_fast else body.replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
     return Packet(frame[4], body[0], body[1:])
 
@@ -93,7 +83,7 @@ statuses = st.builds(Status, ids, st.integers(0, 255), some_bytes)
 def test_stuffing_can_be_undone_and_leaves_no_header(body: bytes):
     stuffed = p2.stuff(body)
     assert p2.unstuff(stuffed) == body
-    assert HEADER not in stuffed
+    assert p2.HEADER not in stuffed
     assert len(stuffed) == len(body) + body.count(b"\xff\xff\xfd")
 
 
@@ -128,9 +118,9 @@ def test_a_frame_behind_or_inside_a_damaged_one_is_found():
     ping = Packet(9, Instruction.PING)
     for start in ("FD 0300", "FF 0300", "01 0200", "01 0000", "01 FFFF"):  # impossible
         parser = FrameParser()
-        assert parser.feed(HEADER + bytes.fromhex(start) + ping.encode()) == [ping]
-        assert parser.noise == PREFIX
-    outer = HEADER + bytes((1, 20, 0, Instruction.WRITE)) + ping.encode() + bytes(9)
+        assert parser.feed(p2.HEADER + bytes.fromhex(start) + ping.encode()) == [ping]
+        assert parser.noise == p2.PREFIX
+    outer = p2.HEADER + bytes((1, 20, 0, Instruction.WRITE)) + ping.encode() + bytes(9)
     assert FrameParser().feed(outer) == [Damaged(1, Instruction.WRITE, outer), ping]
     frames = [Status(i, 0, bytes(10)).encode() for i in range(1, 6)]
     stream = bytearray(b"".join(frames))
@@ -158,7 +148,7 @@ def test_up_to_three_flipped_bits_of_a_body_are_always_noticed(packet: Packet, d
     # The polynomial has the factor x + 1 and a period of 32767 bits.
     frame = bytearray(packet.encode())
     flipped = st.lists(
-        st.integers(8 * PREFIX, 8 * len(frame) - 1), min_size=1, max_size=3, unique=True
+        st.integers(8 * p2.PREFIX, 8 * len(frame) - 1), min_size=1, max_size=3, unique=True
     )
     for bit in data.draw(flipped):
         frame[bit // 8] ^= 1 << bit % 8
@@ -175,8 +165,8 @@ fast_answers = st.lists(statuses, min_size=1, max_size=6)
 def test_of_a_cut_or_damaged_fast_status_the_parts_before_are_whole(answers, data):
     frame = bytearray(encode_fast_status(answers))
     lengths = [len(a.data) for a in answers]
-    ends = list(itertools.accumulate((4 + n for n in lengths), initial=PREFIX + 1))[1:]
-    for cut in {*ends, *(end - 1 for end in ends), *range(PREFIX + 5)}:
+    ends = list(itertools.accumulate((4 + n for n in lengths), initial=p2.PREFIX + 1))[1:]
+    for cut in {*ends, *(end - 1 for end in ends), *range(p2.PREFIX + 5)}:
         whole = sum(end <= cut for end in ends)
         assert p2.decode_fast_status(bytes(frame[:cut]), lengths) == answers[:whole]
     bit = data.draw(st.integers(0, 8 * len(frame) - 1))

@@ -17,16 +17,7 @@ from drivers.dynamixel.diagnostics import DIAGNOSED, DiagnosticsError, ServoFact
 from drivers.dynamixel.protocol2 import Instruction
 from drivers.dynamixel.robot_ports import build_ports, find_imu, open_ports, using_margin
 from drivers.dynamixel.servo_states import ServoStates
-from drivers.dynamixel.startup import (
-    BOOT_MARGIN,
-    BOOT_TIME,
-    FIRST_READS,
-    await_servos,
-    check_description,
-    check_period,
-    diagnose_robot,
-    measure_once,
-)
+from drivers.dynamixel.startup import await_servos, check_description, check_period
 from drivers.errors import SetupError
 from drivers.imu.bno08x_rvc import Bno08xRvc
 from drivers.serial_port import PortError
@@ -79,11 +70,11 @@ def test_the_wait_for_servos_ends_with_the_last_of_them(monkeypatch: pytest.Monk
     bus = BootingBus({1: 0, 2: 3, 3: 1})
     await_on(bus, monkeypatch)
     assert bus.pinged == [1, 2, 3, 2, 3, 2, 2]
-    assert bus.now == pytest.approx(7 * BOOT_MARGIN)
+    assert bus.now == pytest.approx(7 * startup.BOOT_MARGIN)
     assert bus.answer_margin == 0.004
     bus = BootingBus({1: 0, 2: np.inf})
     await_on(bus, monkeypatch)
-    assert BOOT_TIME <= bus.now <= BOOT_TIME + 2 * BOOT_MARGIN
+    assert startup.BOOT_TIME <= bus.now <= startup.BOOT_TIME + 2 * startup.BOOT_MARGIN
 
 
 def test_a_bus_that_is_too_slow_for_the_control_period_is_an_error(tiny: Robot):
@@ -91,7 +82,7 @@ def test_a_bus_that_is_too_slow_for_the_control_period_is_an_error(tiny: Robot):
     for chain in rig.backend.chains:
         chain.bus.port.open()
     period = 1e-4
-    findings = diagnose_robot(tiny, rig.backend.chains, rig.backend.imu, period).errors
+    findings = startup.diagnose_robot(tiny, rig.backend.chains, rig.backend.imu, period).errors
     assert ["on the wire, expected 0.1 ms" in finding.text for finding in findings] == [True]
 
 
@@ -101,15 +92,15 @@ def test_a_joint_or_imu_that_is_never_measured_is_named(tiny: Robot):
     rig.port.spoil = lambda packet, replies: [] if packet.instruction in groups else replies
     with pytest.raises(DiagnosticsError, match="set up, but silent when its position is read"):
         rig.backend.connect()
-    assert sum(packet.instruction in groups for packet in rig.port.sent) >= FIRST_READS // 2
+    assert sum(packet.instruction in groups for packet in rig.port.sent) >= startup.FIRST_READS // 2
     assert not rig.port.is_open
     rig.port.spoil = lambda _, replies: replies
     with rig:
         chains, states = rig.backend.chains, ServoStates(tiny, tiny.control_period)
         mute = SimpleNamespace(name="IMU X", measure=lambda: None)
         with pytest.raises(DiagnosticsError, match=r"^IMU X: its IMU cannot be read"):
-            measure_once(chains, mute, states, 0.0)
-        assert measure_once(chains, None, states, 0.0) is None
+            startup.measure_once(chains, mute, states, 0.0)
+        assert startup.measure_once(chains, None, states, 0.0) is None
         assert np.isfinite(states.stamp).all()
 
 

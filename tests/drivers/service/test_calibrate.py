@@ -15,16 +15,7 @@ from drivers.errors import DriverError, SetupError
 from drivers.imu.fusion import GRAVITY
 from drivers.imu.source import ImuSample
 from drivers.service import calibrate
-from drivers.service.calibrate import (
-    AXES,
-    Calibrator,
-    JointMeasurement,
-    check_ranges,
-    check_tilt,
-    measure_ticks,
-    read_ticks,
-    save,
-)
+from drivers.service.calibrate import AXES, Calibrator, JointMeasurement
 from drivers.virtual_bus.devices.sensors import Measured
 from robots import ImuSettings, Joint, Robot, load_robot, quaternion
 from robots.description.calibration import Calibration
@@ -51,8 +42,8 @@ def test_positions_are_those_of_the_registers_and_zeros_follow_from_them(bench: 
     with bench.open() as bus:
         turn(bench, "l_hip", 1234.0)
         turn(bench, "r_hip", 3000.0)
-        assert read_ticks(bus, bus.robot.actuators) == {"l_hip": 1234, "r_hip": 3000}
-        assert read_ticks(bus, bus.robot.actuators[1:]) == {"r_hip": 3000}
+        assert calibrate.read_ticks(bus, bus.robot.actuators) == {"l_hip": 1234, "r_hip": 3000}
+        assert calibrate.read_ticks(bus, bus.robot.actuators[1:]) == {"r_hip": 3000}
         # A quarter turn is 1024 ticks, in the direction of the sign.
         calibrator = Calibrator(bus, bus.robot.actuators)
         calibrator.measure_zeros(np.array([np.pi / 2, np.pi / 2]))
@@ -61,7 +52,7 @@ def test_positions_are_those_of_the_registers_and_zeros_follow_from_them(bench: 
         bench.servo("r_hip").alive = False
         bench.port.sent.clear()
         with pytest.raises(SetupError, match=r"joint 'r_hip' \(id 2\): silent"):
-            read_ticks(bus, bus.robot.actuators)
+            calibrate.read_ticks(bus, bus.robot.actuators)
         assert len(bench.port.sent) == 3, "so many tries"
 
 
@@ -79,10 +70,10 @@ def test_of_small_movements_the_median_counts_and_large_ones_are_refused(bench: 
     with bench.open() as bus:
         turn(bench, "l_hip", 2000)
         bench.port.spoil = shaking(bench, [2000, 2001, 2004, 2000])
-        assert measure_ticks(bus, bus.robot.actuators[:1]) == {"l_hip": 2000}
+        assert calibrate.measure_ticks(bus, bus.robot.actuators[:1]) == {"l_hip": 2000}
         bench.port.spoil = shaking(bench, [2000, 2005])
         with pytest.raises(SetupError, match=r"joint 'l_hip' by 0\.4°, expected at most 0\.4°"):
-            measure_ticks(bus, bus.robot.actuators)
+            calibrate.measure_ticks(bus, bus.robot.actuators)
 
 
 class Person:
@@ -130,22 +121,22 @@ def test_a_range_that_no_zero_fits_into_one_turn_is_saved_with_a_warning(tiny: R
     joint = with_type(tiny.joints[0], "STS3215-C018")
     wide = replace(joint, lower=-math.pi, upper=math.pi)
     narrow = replace(wide, upper=math.pi - 0.002)
-    save(tiny, [measured(wide, 2048)], tmp_path / "calibration.toml")
+    calibrate.save(tiny, [measured(wide, 2048)], tmp_path / "calibration.toml")
     (warning,) = measured(wide, 2048).warnings
     assert "needs ticks 0 to 4096, beyond one turn of its servo: programs that do not" in warning
     assert measured(narrow, 2048).warnings == []
     with pytest.raises(DriverError, match="zero 2060 needs ticks 12 to 41"):
-        check_ranges([measured(narrow, 2060)])
-    check_ranges([measured(tiny.joints[1], 100)])
+        calibrate.check_ranges([measured(narrow, 2060)])
+    calibrate.check_ranges([measured(tiny.joints[1], 100)])
     bad = measured(with_type(tiny.joints[1], "STS3215-C018"), 100)
     with pytest.raises(DriverError, match=r"joint 'r_hip' .*: zero 100 needs ticks -"):
-        check_ranges([measured(joint, 2048), bad])
+        calibrate.check_ranges([measured(joint, 2048), bad])
 
 
 def test_joints_that_were_not_measured_keep_their_calibration(tiny: Robot, tmp_path):
     file = tmp_path / "calibration.toml"
-    save(tiny, [measured(joint, 2040 + i) for i, joint in enumerate(tiny.joints)], file)
-    save(tiny, [measured(tiny.joints[1], 2060)], file)
+    calibrate.save(tiny, [measured(joint, 2040 + i) for i, joint in enumerate(tiny.joints)], file)
+    calibrate.save(tiny, [measured(tiny.joints[1], 2060)], file)
     zeros = {name: j.zero_ticks for name, j in Calibration.load(file, tiny).joints.items()}
     assert zeros == {"l_hip": 2040, "r_hip": 2060}
     joint = replace(tiny.joints[0], servo=replace(tiny.joints[0].servo, zero_ticks=2048))
@@ -191,7 +182,7 @@ def test_gravity_is_that_of_the_posture_or_the_right_axes_are_among_those_named(
     robot = replace(TINY_ROBOT, imu=ImuSettings(kind="serial_line", axes=described))
     up = MountedImu(orientation, own, own).force / GRAVITY
     try:
-        check_tilt(robot, imu, orientation)  # type: ignore[arg-type]
+        calibrate.check_tilt(robot, imu, orientation)  # type: ignore[arg-type]
     except SetupError as error:
         assert up @ imu.force < GRAVITY * math.cos(math.radians(19.9))
         assert str(list(own)).replace("'", '"') in str(error)

@@ -5,18 +5,7 @@ from nonempty import nonempty
 from wire_talk import find_device, read, read_answers, request, sense, talk, write
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.protocol2 import (
-    BROADCAST,
-    Damaged,
-    ErrorNumber,
-    FrameParser,
-    Instruction,
-    Packet,
-    Reset,
-    Span,
-    Status,
-    decode_fast_status,
-)
+from drivers.dynamixel.protocol2 import ErrorNumber, FrameParser, Instruction, Packet, Span, Status
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.device import Quirks, ReadGap
@@ -88,7 +77,10 @@ def test_the_manuals_examples_are_sent_and_answered_as_in_the_manual():
             assert read(find_device(chain, device_id), name) == value, published
     ends = [
         (protocol2.reboot(1).encode(), "FFFFFD00 01 0300 08 2F4E"),
-        (protocol2.factory_reset(1, Reset.ALL_BUT_ID).encode(), "FFFFFD00 01 0400 06 01 A1E6"),
+        (
+            protocol2.factory_reset(1, protocol2.Reset.ALL_BUT_ID).encode(),
+            "FFFFFD00 01 0400 06 01 A1E6",
+        ),
     ]
     for frame, published in ends:
         assert frame == bytes.fromhex(published)
@@ -133,7 +125,7 @@ def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
     def look(chain: Chain, name: str) -> list[int]:
         return [device.peek(name) for device in chain.devices]
 
-    everyone = BROADCAST
+    everyone = protocol2.BROADCAST
     assert look(told(protocol2.write(everyone, 65, b"\1").encode()), "led") == [1, 1]
     chain = told(Packet(everyone, Instruction.REG_WRITE, b"\x41\0\1").encode())
     assert look(chain, "led") == [0, 0]
@@ -141,7 +133,7 @@ def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
     assert look(chain, "led") == [1, 1]
     assert look(told(protocol2.reboot(everyone).encode()), "position_p_gain") == [800, 800]
     told(Packet(everyone, Instruction.CLEAR, b"\1DXL\x22").encode())
-    reset = protocol2.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD).encode()
+    reset = protocol2.factory_reset(everyone, protocol2.Reset.ALL_BUT_ID_AND_BAUD).encode()
     assert look(told(reset), "return_delay_time") == [250, 250]
 
 
@@ -151,12 +143,12 @@ def test_fast_reads_are_never_stuffed_and_stay_whole_where_a_part_fails():
     span = Span(126, 10)
     frame = talk(chain, protocol2.sync_read([1], span, fast=True).encode())
     assert b"\xff\xff\xfd\xff" in frame[8:]
-    assert decode_fast_status(frame, [10])[0].data[:6] == b"\xff\xff\xfd\xff\xff\xff"
+    assert protocol2.decode_fast_status(frame, [10])[0].data[:6] == b"\xff\xff\xfd\xff\xff\xff"
     slow = talk(chain, protocol2.sync_read([1], span).encode())
     assert b"\xff\xff\xfd\xfd" in slow[8:]
     spans = {1: Span(661, 4), 2: POSITION}  # the first is not to be read
     frame = talk(servos(1, 2), protocol2.bulk_read(spans, fast=True).encode())
-    one, two = decode_fast_status(frame, [4, 4])
+    one, two = protocol2.decode_fast_status(frame, [4, 4])
     assert (one.number, one.data) == (ErrorNumber.ACCESS, bytes(4))
     assert (two.number, two.data) == (0, b"\0\x08\0\0")
 
@@ -192,17 +184,17 @@ def test_a_silent_member_costs_a_read_its_slot_or_all_that_follows(die):
     cut = talk(chain, fast)
     assert len(cut) == len(whole) - 8
     # Its length does not hold, but each piece tells whose it is.
-    assert [status.id for status in decode_fast_status(cut, [4, 4, 4])] == [1, 3]
+    assert [status.id for status in protocol2.decode_fast_status(cut, [4, 4, 4])] == [1, 3]
 
 
 def test_what_no_device_understands_is_passed_over_in_silence():
     slow, quick = VirtualServo(1, baud=57_600), VirtualServo(2, baud=2_000_000)
     chain = Chain([slow, quick])
-    assert chain.handle(request(protocol2.read(BROADCAST, POSITION).encode())) == []
+    assert chain.handle(request(protocol2.read(protocol2.BROADCAST, POSITION).encode())) == []
     for instruction in (0x00, 0x33, 0xFF, Instruction.STATUS):
-        assert chain.handle(Packet(BROADCAST, instruction, b"\1\2\3\4\5\6")) == []
-    for device in (2, BROADCAST):
-        assert chain.handle(Damaged(device, Instruction.WRITE, b"")) == []
+        assert chain.handle(Packet(protocol2.BROADCAST, instruction, b"\1\2\3\4\5\6")) == []
+    for device in (2, protocol2.BROADCAST):
+        assert chain.handle(protocol2.Damaged(device, Instruction.WRITE, b"")) == []
     ping = request(protocol2.ping().encode())
     for rate, ids in ((57_600, [1]), (2_000_000, [2]), (1_000_000, []), (None, [1, 2])):
         assert [a.device for a in chain.handle(ping, baud=rate)] == ids

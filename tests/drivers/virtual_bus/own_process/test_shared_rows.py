@@ -9,15 +9,8 @@ from nonempty import nonempty
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.imu.virtual_imu import ImuReading
-from drivers.virtual_bus.own_process.shared_rows import (
-    SLOTS,
-    Measurements,
-    SharedRows,
-    count_commands,
-    count_measurements,
-    read_commands,
-    write_commands,
-)
+from drivers.virtual_bus.own_process import shared_rows
+from drivers.virtual_bus.own_process.shared_rows import SLOTS, Measurements, SharedRows
 from robots.quaternion import Array
 
 
@@ -69,9 +62,9 @@ def test_commands_of_motors_survive_a_row():
     servos[0].poke("torque_enable", 1)
     servos[0].poke("goal_position", 3000)
     commands = [servo.motor_command() for servo in servos]
-    row = write_commands(commands, [True, False])
-    assert row.shape == (count_commands(2),)
-    assert read_commands(row) == [(commands[0], True), (commands[1], False)]
+    row = shared_rows.write_commands(commands, [True, False])
+    assert row.shape == (shared_rows.count_commands(2),)
+    assert shared_rows.read_commands(row) == [(commands[0], True), (commands[1], False)]
 
 
 @pytest.mark.parametrize("has_imu", [True, False])
@@ -82,7 +75,7 @@ def test_measurements_survive_a_row(has_imu: bool):
     imu = ImuReading(0.25, *(rng.normal(size=n) for n in (3, 3, 4))) if has_imu else None
     body = {"voltage": 11.5, "gyro": gyro, "accelerometer": force}
     row = Measurements(servos=servos, **body, imu=imu, late=0.75).write()
-    assert row.shape == (count_measurements(3),)
+    assert row.shape == (shared_rows.count_measurements(3),)
     found = Measurements.read(row)
     assert (found.servos, found.late, found.voltage) == (servos, 0.75, 11.5)
     assert np.array_equal(found.gyro, gyro) and np.array_equal(found.accelerometer, force)

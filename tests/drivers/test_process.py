@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from memory_rig import Rig
 
-from drivers import Command
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.interrupts import deferred_interrupts
 from drivers.real_time_class import LOOP_PRIORITY, enter_real_time_class, in_real_time_class
@@ -59,20 +58,16 @@ def test_a_robot_is_released_completely(tiny, monkeypatch, method):
         return original(self, *args)
 
     with Rig(tiny) as rig:
-        backend = rig.backend
-        for _ in range(4):
-            state = backend.read()
-            backend.write(Command.position(tiny, state.joint_pos))
-        assert {servo.peek("torque_enable") for servo in rig.virtual.servos} == {1}
+        rig.turn(cycles=4)
+        assert rig.peek("torque_enable") == [1, 1]
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
             patch.setattr(ServoChain, method, interrupted)
             if method == "disarm":
-                backend.hand_over()
-            backend.close()
-        backend.close()
-        assert {servo.peek("torque_enable") for servo in rig.virtual.servos} == {0}
-        assert {servo.peek("bus_watchdog") for servo in rig.virtual.servos} == {0}
-        assert not any(chain.bus.port.is_open for chain in backend.chains)
+                rig.backend.hand_over()
+            rig.backend.close()
+        rig.backend.close()
+        assert rig.peek("torque_enable") == rig.peek("bus_watchdog") == [0, 0]
+        assert not rig.port.is_open
 
 
 # The real-time class: entered where it is permitted, left afterwards, not handed on --------------

@@ -1,6 +1,5 @@
 """The look at the bus before anything moves finds what is wrong, and changes nothing."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -75,12 +74,9 @@ def test_each_thing_that_is_wrong_is_reported_with_a_remedy(rig, item, value, se
     assert finding.remedy in str(finding)
 
 
-def silence(*joints: str) -> Callable[[Rig], None]:
-    def kill(rig: Rig) -> None:
-        for joint in joints:
-            rig.servo(joint).alive = False
-
-    return kill
+def kill(rig: Rig, *joints: str) -> None:
+    for joint in joints:
+        rig.servo(joint).alive = False
 
 
 def flatten(rig: Rig) -> None:
@@ -108,8 +104,8 @@ def add_twin(rig: Rig) -> None:
         (lambda rig: feel(rig, 2048.0, 9.6), ["supply is 9.6 V, expected 10.0 to 14.8 V; charge"]),
         (flatten, ["all 2 servos: supply is 9.2 V, expected 10.0 to 14.8 V"]),
         (lambda rig: feel(rig, 3500.0), ["is at +2.23 rad, outside [-1.57, +1.05] rad"]),
-        (silence("r_hip"), ["joint 'r_hip' (id 2): silent; check its cable"]),
-        (silence("l_hip", "r_hip"), ["silent: all 2 servos", "power switch"]),
+        (lambda rig: kill(rig, "r_hip"), ["joint 'r_hip' (id 2): silent; check its cable"]),
+        (lambda rig: kill(rig, "l_hip", "r_hip"), ["silent: all 2 servos", "power switch"]),
         (lambda rig: rig.poke("baud_rate", 1), ["use 57600 bit/s, expected 1000000"]),
         (exchange, ["is a XL430-W250, expected XM430-W350"]),
         (add_twin, ["joint 'l_hip' (id 1)", "garbled, as by two servos of one id"]),
@@ -128,7 +124,6 @@ def test_what_is_wrong_with_the_supply_or_the_wire_is_said_once(rig, spoil, word
     [
         ("min_voltage_limit", 115, None, ""),
         ("min_voltage_limit", 116, WARNING, "0.4 V from its voltage limits of 11.6 to"),
-        ("min_voltage_limit", 120, WARNING, "0.0 V from its voltage limits"),
         ("min_voltage_limit", 121, ERROR, "expected 12.1 to 14.8 V; charge or change"),
         ("max_voltage_limit", 125, None, ""),
         ("max_voltage_limit", 122, WARNING, "12.0 V, only 0.2 V from its voltage limits"),

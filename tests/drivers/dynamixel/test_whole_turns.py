@@ -9,7 +9,7 @@ from tiny_robots import with_servos
 
 from drivers import Command
 from drivers.dynamixel.whole_turns import WholeTurns
-from drivers.servo_units import ServoUnits, fits_one_turn
+from drivers.servo_units import ServoUnits
 from robots import Robot, load_robot
 from robots.servo import TICKS_PER_TURN
 
@@ -103,8 +103,3 @@ def test_quantized_angles_are_whole_ticks_and_half_a_tick_away_at_most(units: Se
     fraction = units.to_fractional_ticks(quantized)
     assert fraction == pytest.approx(np.rint(fraction), abs=1e-6)
     assert np.array_equal(units.to_rad(units.to_ticks(joint_pos)), quantized)
-
-
-def test_goals_of_position_mode_are_one_turn():
-    found = [fits_one_turn(ticks) for ticks in ((0, 4095), (-1, 100), (100, 4096))]
-    assert found == [True, False, False]

@@ -1,7 +1,5 @@
 """What every IMU source promises, each against its own virtual sensor."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """A robot with each kind of IMU on the virtual bus, through the driver of real robots."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

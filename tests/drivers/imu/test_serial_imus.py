@@ -25,31 +25,20 @@ def test_what_is_written_in_the_order_of_the_format_is_read(values: list[float])
 
 def test_units_skipped_words_and_separators_are_those_of_the_settings():
     settings = ImuSettings(
-        kind="serial_line",
-        format="_ ax ay az gx gy gz",
-        separator=",",
-        gyro_unit="deg/s",
-        accelerometer_unit="g",
-    )
+        kind="serial_line", format="_ ax ay az gx gy gz", separator=",",
+        gyro_unit="deg/s", accelerometer_unit="g",
+    )  # fmt: skip
     sample = LineFormat(settings).parse(b"17, 0, 0, 1, 180, 0, -90\r")
     assert sample is not None
     assert sample.accelerometer == pytest.approx([0.0, 0.0, 9.81])
     assert sample.gyro == pytest.approx([np.pi, 0.0, -np.pi / 2])
 
 
-BAD_LINES = [
-    b"",
-    b"0 0 0 0 0",
-    b"0 0 0 0 0 9.81 1",
-    b"0 0 0 0 0 9,81",
-    b"0 0 0 0 0 nan",
-    b"0 0 0 0 0 inf",
-    b"0 0 0 0 0 1_0",
-    b"0 0 0 0 0 981000",
-    b"99999 0 0 0 0 9.81",
-    b"0 0 0 0 0 9.81\xff",
+BAD_LINES = (
+    b"", b"0 0 0 0 0", b"0 0 0 0 0 9.81 1", b"0 0 0 0 0 9,81", b"0 0 0 0 0 nan", b"0 0 0 0 0 inf",
+    b"0 0 0 0 0 1_0", b"0 0 0 0 0 981000", b"99999 0 0 0 0 9.81", b"0 0 0 0 0 9.81\xff",
     "0 0 0 0 0 ٩".encode(),
-]
+)  # fmt: skip
 
 
 def test_a_line_that_is_not_exactly_six_plausible_numbers_is_damaged():

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from paths import TINY
 from service_bench import ServiceBench
+from tiny_robots import with_types
 
 from drivers.errors import DriverError, SetupError
 from drivers.imu.fusion import GRAVITY
@@ -19,7 +20,6 @@ from drivers.service.calibrate import AXES, Calibrator, JointMeasurement
 from drivers.virtual_bus.devices.sensors import Measured
 from robots import ImuSettings, Joint, Robot, load_robot, quaternion
 from robots.description.calibration import Calibration
-from robots.description.servo_catalog import servo_models
 from robots.imu import SensorAxes
 from robots.kinematics import imu_in_torso
 
@@ -112,13 +112,9 @@ def measured(joint: Joint, zero: int) -> JointMeasurement:
     return JointMeasurement(joint, zero, joint.servo.sign)
 
 
-def with_type(joint: Joint, name: str) -> Joint:
-    return replace(joint, servo=replace(joint.servo, model=servo_models()[name]))
-
-
 def test_a_range_that_no_zero_fits_into_one_turn_is_saved_with_a_warning(tiny: Robot, tmp_path):
     """Half a turn to each side has 4097 ticks, and a turn 4096, of a servo that counts no turns."""
-    joint = with_type(tiny.joints[0], "STS3215-C018")
+    joint, other = with_types(tiny, "STS3215-C018").joints
     wide = replace(joint, lower=-math.pi, upper=math.pi)
     narrow = replace(wide, upper=math.pi - 0.002)
     calibrate.save(tiny, [measured(wide, 2048)], tmp_path / "calibration.toml")
@@ -128,9 +124,8 @@ def test_a_range_that_no_zero_fits_into_one_turn_is_saved_with_a_warning(tiny: R
     with pytest.raises(DriverError, match="zero 2060 needs ticks 12 to 41"):
         calibrate.check_ranges([measured(narrow, 2060)])
     calibrate.check_ranges([measured(tiny.joints[1], 100)])
-    bad = measured(with_type(tiny.joints[1], "STS3215-C018"), 100)
     with pytest.raises(DriverError, match=r"joint 'r_hip' .*: zero 100 needs ticks -"):
-        calibrate.check_ranges([measured(joint, 2048), bad])
+        calibrate.check_ranges([measured(joint, 2048), measured(other, 100)])
 
 
 def test_joints_that_were_not_measured_keep_their_calibration(tiny: Robot, tmp_path):
@@ -165,9 +160,6 @@ class MountedImu:
         return ImuSample(np.zeros(3), self.force, b"")
 
 
-assert len({SensorAxes.of(axes).matrix.tobytes() for axes in AXES}) == len(AXES) == 24
-
-
 @settings(max_examples=30)
 @given(
     turn=st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: math.hypot(*q) > 0.1),
@@ -177,6 +169,7 @@ assert len({SensorAxes.of(axes).matrix.tobytes() for axes in AXES}) == len(AXES)
 def test_gravity_is_that_of_the_posture_or_the_right_axes_are_among_those_named(
     turn: tuple, own: tuple, described: tuple
 ):
+    assert len({SensorAxes.of(axes).matrix.tobytes() for axes in AXES}) == len(AXES) == 24
     orientation = quaternion.normalize(np.array(turn))
     imu = MountedImu(orientation, own, described)
     robot = replace(TINY_ROBOT, imu=ImuSettings(kind="serial_line", axes=described))

@@ -143,18 +143,15 @@ def test_a_servo_that_answers_pings_alone_is_made_to_answer_reads(tiny: Robot):
         assert found.joint.name == "r_hip"
 
 
-def test_a_board_that_is_silent_is_a_finding_and_no_imu(tiny: Robot):
-    bench = ServiceBench(tiny)
-    bench.virtual.board.alive = False
-    with bench.open() as bus:
-        assert (bus.board, bus.imu) == (None, None)
-        assert [finding.text for finding in bus.findings] == ["silent"]
-
-
-def test_a_robot_without_imu_or_with_an_id_twice_has_findings(tiny: Robot):
+def test_a_robot_with_a_silent_board_without_imu_or_with_an_id_twice_has_findings(tiny: Robot):
     twice = replace(with_servos(tiny, {"id": 1}), bus=replace(tiny.bus, board=None))
     with ServiceBench(twice).open() as bus:
         assert [(finding.device, finding.text) for finding in bus.findings] == [
             ("id 1", "belongs to l_hip and r_hip"),
             ("robot.toml", "names no IMU"),
         ]
+    bench = ServiceBench(tiny)
+    bench.virtual.board.alive = False
+    with bench.open() as bus:
+        assert (bus.board, bus.imu) == (None, None)
+        assert [finding.text for finding in bus.findings] == ["silent"]

@@ -76,7 +76,7 @@ def test_the_driver_moves_a_servo_and_leaves_it_limp():
 # A bench of one servo ----------------------------------------------------------------------------
 
 
-def test_the_limits_that_a_servo_keeps_are_its_range_and_are_not_written(desk):
+def test_the_limits_that_a_servo_keeps_are_its_range_and_are_not_written(desk, monkeypatch):
     for register, value in LIMITED.items():
         desk.poke("servo_3", register, value)
     bench, changes = find_bench(desk.path, 3, BAUD, None)
@@ -85,6 +85,10 @@ def test_the_limits_that_a_servo_keeps_are_its_range_and_are_not_written(desk):
     assert changes["return_delay_time"] == 0
     assert not LIMITED.keys() & changes.keys()
     assert desk.peek("return_delay_time") == [250, 250]  # nothing is written
+    monkeypatch.setattr(moved_servo, "read_latency", lambda _: 0.016)  # an adapter holds replies
+    slow, _ = find_bench(desk.path, 1, BAUD, None)
+    assert bench.control_period == 0.01
+    assert 0.75 * slow.control_period > 2 * 0.016 + 0.001  # reading has three quarters of it
 
 
 def test_a_servo_without_a_range_or_with_a_wrong_supply_is_refused(desk):
@@ -95,11 +99,3 @@ def test_a_servo_without_a_range_or_with_a_wrong_supply_is_refused(desk):
     desk.poke("servo_3", "min_voltage_limit", 130)
     with pytest.raises(DiagnosticsError, match=r"supply is 11.1 V, expected 13.0 to 14.8 V"):
         find_bench(desk.path, 3, BAUD, None)
-
-
-def test_an_adapter_that_holds_replies_back_gets_a_longer_period(desk, monkeypatch):
-    quick, _ = find_bench(desk.path, 1, BAUD, None)
-    monkeypatch.setattr(moved_servo, "read_latency", lambda _: 0.016)
-    slow, _ = find_bench(desk.path, 1, BAUD, None)
-    assert quick.control_period == 0.01
-    assert 0.75 * slow.control_period > 2 * 0.016 + 0.001  # reading has three quarters of it

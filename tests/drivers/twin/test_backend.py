@@ -42,11 +42,7 @@ def test_a_period_is_bit_for_bit_four_plain_physics_steps(op3):
 def test_a_placed_robot_is_at_rest_and_its_clock_at_zero(tiny):
     twin = Twin(tiny)
     play(twin, Command.position(tiny, np.array([0.5, -0.5])), 30)
-    posture = Posture(
-        position=np.array([0.1, 0.2, 0.5]),
-        orientation=quaternion.from_yaw(0.7),
-        joint_pos=np.array([0.3, -0.2]),
-    )
+    posture = in_the_air(quaternion.from_yaw(0.7), joint_pos=0.3)
     twin.place(posture)
     with twin:
         state = twin.read()
@@ -132,11 +128,8 @@ def test_physics_that_do_not_fit_the_robot_are_refused(tiny):
 
 
 def test_a_copy_of_a_twin_goes_on_as_the_twin_does(op3):
-    lying = Posture(
-        position=np.array([0.0, 0.0, 0.3]),
-        orientation=quaternion.normalize(np.array([1.0, 0.2, 0.7, 0.0])),
-        joint_pos=op3.standing.joint_pos,
-    )
+    tilt = quaternion.normalize(np.array([1.0, 0.2, 0.7, 0.0]))
+    lying = replace(op3.standing, position=np.array([0.0, 0.0, 0.3]), orientation=tilt)
     stand = Command.position(op3, op3.standing.joint_pos)
     twin = Twin(op3, lying)
     play(twin, Command.limp(op3.n), 40)

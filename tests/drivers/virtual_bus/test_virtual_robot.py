@@ -1,7 +1,5 @@
 """The body behind a virtual bus: it moves as its twin does, however it is commanded."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -44,17 +42,14 @@ def test_twin_and_virtual_bus_give_one_path_whatever_turns_a_joint_and_limits_it
     assert_one_path(request.getfixturevalue(body), limit_by, 1.1)
 
 
-def test_so_they_do_with_other_servos_and_gains_and_a_period_that_2_ms_do_not_divide(own_robot):
+def test_so_they_do_with_other_servos_gains_and_periods_and_on_the_ground(own_robot, op3):
     old = 'id = 2, servo = "XM430-W350"'
     spoil(own_robot, old, 'id = 2, servo = "XM430-W210", p_gain = 900')
     spoil(own_robot, "control_period = 0.008", "control_period = 0.0125")
     robot = load_robot(own_robot)
     assert robot.p_gain.tolist() == [800, 900]
     assert_one_path(robot, "current", None)
-
-
-def test_so_they_do_where_a_robot_hits_the_ground(op3: Robot):
-    """Its accelerometer meets the end of its range, where one count makes another orientation."""
+    # On the ground, its accelerometer meets the end of its range: a count turns the orientation.
     assert_one_path(op3, "current", None, replace(op3.standing, position=np.array([0.0, 0.0, 0.6])))
 
 

@@ -14,12 +14,10 @@ OPERATORS = ("nms", "qnms")
 
 
 class OperatorFinder:
-    """Declares operators when torchvision is about to be imported, and finds nothing itself."""
-
     def find_spec(
         self, name: str, _path: Sequence[str] | None, _target: ModuleType | None = None
     ) -> importlib.machinery.ModuleSpec | None:
-        """Return None, so that the next finder is used."""
+        """Declare operators when torchvision is about to be imported, and find nothing."""
         if name == "torchvision" and not hasattr(self, "library"):
             import torch
 

@@ -124,16 +124,6 @@ def test_a_wrong_id_is_never_the_right_one_and_its_crc_fits(device: int, data: b
     assert Status.from_packet(packet).data == data
 
 
-def test_device_faults_reach_devices_and_body(bus: VirtualBus, devices: FakeDevices):
-    bus.faults.reboot(1)
-    bus.faults.trip(2, 32)
-    bus.faults.heat(1, 85.0)
-    bus.faults.sag(9.5)
-    assert (devices.device(1).rebooted, devices.device(2).errors) == (1, 32)
-    assert isinstance(bus.physics, RecordingPhysics)
-    assert bus.physics.done == [("heat", 85.0), ("sag", 9.5)]
-
-
 def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
     with pytest.raises(
         DriverError, match="'kill' of id 9 cannot be injected: expected one of the ids 1, 2, 3"

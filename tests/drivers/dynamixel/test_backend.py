@@ -183,16 +183,15 @@ def test_torque_off_that_was_lost_is_sent_again_in_the_next_cycle(rig, monkeypat
         assert rig.peek("torque_enable") == left
 
 
-def test_torque_does_not_begin_from_a_position_that_is_old(tiny):
+@pytest.mark.parametrize(("cycles", "torque"), [(2, 1), (4, 0)])
+def test_torque_does_not_begin_from_a_position_that_is_old(rig, cycles, torque):
     """Goals would begin where the joint was: two cycles without a reply are bridged, four not."""
-    for cycles, torque in ((2, 1), (4, 0)):
-        with Rig(tiny) as rig:
-            state = rig.turn(Command.limp(tiny.n), 3)
-            answer, rig.port.spoil = rig.port.spoil, lambda *_: []
-            rig.turn(Command.limp(tiny.n), cycles - 1)
-            rig.turn(rig.hold(state))
-            rig.port.spoil = answer
-            assert rig.peek("torque_enable") == [torque] * 2
+    state = rig.turn(Command.limp(2), 3)
+    answer, rig.port.spoil = rig.port.spoil, lambda *_: []
+    rig.turn(Command.limp(2), cycles - 1)
+    rig.turn(rig.hold(state))
+    rig.port.spoil = answer
+    assert rig.peek("torque_enable") == [torque] * 2
 
 
 @pytest.mark.parametrize(("rate", "firmware"), [(1e-2, 46), (1e-1, 44)])

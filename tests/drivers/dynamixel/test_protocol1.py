@@ -80,14 +80,6 @@ def test_a_flipped_bit_never_gives_another_reply(status: Status, place: int, bit
     assert [item for item in whole if len(item.params) == len(status.data) + 1] == []
 
 
-def test_a_frame_behind_a_header_in_data_is_found():
-    good = seal(5, 0, b"\x11")
-    parser = PROTOCOL_1.parse_replies()
-    found = parser.feed(b"\xff\xff\x01\x04" + good)  # a header whose length swallows part of it
-    assert found[-1] == Packet(5, Instruction.STATUS, b"\x00\x11")
-    assert parser.damaged == 1
-
-
 H, E = HardwareError, ErrorNumber
 # Lowest first (e-manual, Protocol 1.0): an angle's limit is the second, a checksum the fifth.
 DYNAMIXEL = (H.VOLTAGE, E.DATA_LIMIT, H.OVERHEATING, E.DATA_RANGE, E.CRC, H.OVERLOAD, E.INSTRUCTION)
@@ -107,7 +99,11 @@ def test_each_bit_of_the_error_byte_means_what_the_maker_says(wire: Frame1, mean
         assert meaning is None or wire.encode_status(status) == reply, f"bit {place}"
 
 
-def test_what_does_not_fit_into_a_byte_is_refused():
+def test_a_frame_behind_a_header_is_found_and_what_does_not_fit_into_a_byte_is_refused():
+    parser = PROTOCOL_1.parse_replies()  # a header whose length swallows part of a frame
+    found = parser.feed(b"\xff\xff\x01\x04" + seal(5, 0, b"\x11"))
+    assert found[-1] == Packet(5, Instruction.STATUS, b"\x00\x11")
+    assert parser.damaged == 1
     with pytest.raises(ValueError, match="256"):
         PROTOCOL_1.encode(p2.read(1, p2.Span(256, 1)))
     with pytest.raises(ValueError, match="keeps nothing"):

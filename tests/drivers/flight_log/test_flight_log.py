@@ -111,6 +111,10 @@ def test_it_tells_whose_flight_it_was_and_what_happened(tmp_path, robot, flight)
     record = FlightRecord.load(tmp_path / "g")
     assert not record.truncated
     assert record.events == (Event(0.016, "exception", "ZeroDivisionError: by none", 1),)
+    for count in (1, 2, 3):  # earlier logs are moved and not written over
+        write_flight(tmp_path / "h.mcap", robot, flight[:count])
+    names = ("h.mcap.1", "h.mcap.2", "h.mcap")
+    assert [FlightRecord.load(tmp_path / name).cycles for name in names] == [1, 2, 3]
 
 
 def test_other_programs_find_topics_schemas_and_an_index(logged):
@@ -131,13 +135,6 @@ def test_other_programs_find_topics_schemas_and_an_index(logged):
             assert described["type"] == "object"
             _, _, message = next(iter(reader.iter_messages(topics=[topic])))
             assert described["properties"].keys() == orjson.loads(message.data).keys()
-
-
-def test_earlier_logs_are_moved_and_not_written_over(tmp_path, robot, flight):
-    for count in (1, 2, 3):
-        write_flight(tmp_path / "f.mcap", robot, flight[:count])
-    names = ("f.mcap.1", "f.mcap.2", "f.mcap")
-    assert [FlightRecord.load(tmp_path / name).cycles for name in names] == [1, 2, 3]
 
 
 @contextmanager

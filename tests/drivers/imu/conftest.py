@@ -4,9 +4,6 @@ from collections.abc import Iterator
 
 import pytest
 
-MODULES = ("bno055", "bno08x_i2c", "source")
-LOOK = 0.0005  # s that pass with each look at the clock
-
 
 class CountedTime:
     """A clock that looking at it and sleeping advance: no test waits, however busy the machine."""
@@ -15,7 +12,7 @@ class CountedTime:
         self.now = 0.0
 
     def monotonic(self) -> float:
-        self.now += LOOK
+        self.now += 0.0005
         return self.now
 
     def sleep(self, duration: float) -> None:
@@ -26,6 +23,6 @@ class CountedTime:
 def counted_time() -> Iterator[CountedTime]:
     clock = CountedTime()
     with pytest.MonkeyPatch.context() as patch:
-        for module in MODULES:
+        for module in ("bno055", "bno08x_i2c", "source"):
             patch.setattr(f"drivers.imu.{module}.time", clock)
         yield clock

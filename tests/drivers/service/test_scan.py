@@ -69,8 +69,8 @@ def test_two_servos_of_one_id_are_one_doubled_device():
 
 
 def refuse(packet: Packet, replies: list[bytes]) -> list[bytes]:
-    is_read = packet.instruction == Instruction.READ
-    return [Status(4, ErrorNumber.ACCESS).encode()] if is_read else replies
+    refusal = Status(4, ErrorNumber.ACCESS).encode()
+    return [refusal] if packet.instruction == Instruction.READ else replies
 
 
 @pytest.mark.parametrize(

@@ -42,12 +42,6 @@ def read_all(end: int, count: int) -> bytes:
     return data
 
 
-@pytest.mark.parametrize("baud", [57600, 1_000_000, 4_500_000, 1_234_567])
-def test_the_wire_knows_the_rate_that_its_client_set(wire: PseudoTerminal, baud: int):
-    with serial.Serial(wire.path, baud):
-        assert wire.baud == baud
-
-
 def test_an_unplugged_port_is_an_error_to_its_client_and_a_new_line_at_the_old_path(wire):
     path, client = wire.path, open_port(wire)
     wire.unplug()
@@ -111,9 +105,12 @@ def test_what_the_bus_did_not_make_is_refused_and_stays(tmp_path, target: str):
     assert (link.readlink(), file.read_text()) == (Path(target), "mine")
 
 
-def test_closing_removes_the_folder_and_may_be_repeated():
+def test_a_wire_knows_the_rate_of_its_client_and_closing_removes_its_folder():
     wire = PseudoTerminal()
     folder = wire.link.parent
+    for baud in (57600, 4_500_000, 1_234_567):
+        with serial.Serial(wire.path, baud):
+            assert wire.baud == baud
     wire.close()
     wire.close()
     assert not folder.exists()

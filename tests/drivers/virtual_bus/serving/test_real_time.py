@@ -38,7 +38,7 @@ class Served:
         return [at - 100.0 for at, _ in self.wire.received]
 
 
-def test_replies_within_a_microframe_are_delivered_together(monkeypatch):
+def test_replies_are_delivered_together_by_microframes_or_ticks_of_an_adapter(monkeypatch):
     baud = 4_000_000
     assert 2 * 15 * 10 / baud < MICROFRAME
     served = Served(monkeypatch, FakeDevices(IDS, baud=baud), baud=baud)
@@ -46,10 +46,7 @@ def test_replies_within_a_microframe_are_delivered_together(monkeypatch):
     served.run(0.02)
     assert [len(data) for _, data in served.wire.received] == [45]
     assert served.times == pytest.approx([0.01 + (17 + 45) * 10 / baud], abs=STEP)
-
-
-def test_an_adapter_delivers_at_its_ticks_alone(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS), latency=0.016)
+    served = Served(monkeypatch, FakeDevices(IDS), latency=0.016)  # an adapter's ticks
     served.send(0.001, READ)
     served.send(0.033, READ)
     served.run(0.06)

@@ -257,18 +257,14 @@ def test_a_guard_goes_by_the_limits_inside_the_servos_where_they_are_the_narrowe
 
 
 def test_a_servo_is_released_before_it_switches_itself_off(tiny):
-    rig = Rig(tiny)
+    rig, limits = Rig(tiny), []
     rig.servo("r_hip").poke("temperature_limit", 50)
     with SafetyGuard(rig.backend) as guard:
-        limits = []
         for degrees in (34.0, 40.0, 46.0):
             rig.virtual.physics.heat(2, degrees)
             for _ in range(20):  # one slow value of one servo a cycle
-                state = guard.read()
-                sent = guard.write(Command.position(tiny, state.joint_pos))
+                sent = guard.write(rig.hold(guard.read()))
             limits.append(sent.torque_limit[1] / tiny.max_torque[1])
         assert limits == pytest.approx([1.0, 0.7, 0.0], abs=0.01)
-        assert str(guard.fault) == (
-            "a servo is too hot: joint 'r_hip' has 46 °C, expected at most 45 °C"
-        )
-        assert not any(servo.peek("hardware_error_status") for servo in rig.virtual.servos)
+        assert str(guard.fault).endswith("joint 'r_hip' has 46 °C, expected at most 45 °C")
+        assert not any(rig.peek("hardware_error_status"))

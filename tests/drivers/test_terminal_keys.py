@@ -53,19 +53,13 @@ def test_a_terminal_that_goes_away_stops_too(terminal):
     assert heard.reasons == [LOST]
 
 
-def test_no_key_no_stop_and_the_terminal_is_as_before(terminal):
+def test_without_a_key_there_is_no_stop_and_what_comes_through_a_pipe_is_none(terminal):
     _, slave = terminal
-    before = termios.tcgetattr(slave)
-    heard = Heard()
+    before, heard = termios.tcgetattr(slave), Heard()
     with StopKey(heard, slave):
         assert termios.tcgetattr(slave) != before
     assert termios.tcgetattr(slave) == before
-    assert heard.reasons == []
-
-
-def test_what_comes_through_a_pipe_is_no_key():
     reader, writer = os.pipe()
-    heard = Heard()
     os.write(writer, b" ")
     with StopKey(heard, reader):
         pass

@@ -9,7 +9,6 @@ from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 ROOM = 25.0  # °C
-FULL_PWM = 885  # counts
 
 
 def request(frame: bytes) -> Packet:

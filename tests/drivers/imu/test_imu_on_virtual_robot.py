@@ -113,6 +113,8 @@ def test_a_board_may_power_the_servos_of_a_robot_whose_imu_is_elsewhere(tiny: Ro
         assert all(servo.powered for servo in served.virtual.servos)
         served.call(lambda: setattr(served.virtual.board, "alive", False))
         assert run(driver, 30).imu_age == 0.0
+    with pytest.raises(SetupError, match=r"its serial port is not named; set imu[.]port"):
+        DynamixelBackend(with_imu(tiny, "serial line"), {"main": "p"})
 
 
 class Metronome:
@@ -146,8 +148,3 @@ def test_the_doctor_names_the_imu_and_counts_its_samples(own_robot, capsys, monk
         code, message = run_json(*arguments, capsys=capsys)
     assert code == 3
     assert any(f["device"].startswith("IMU BNO055") for f in message["findings"])
-
-
-def test_a_serial_imu_without_a_port_is_refused(tiny: Robot):
-    with pytest.raises(SetupError, match=r"its serial port is not named; set imu[.]port"):
-        DynamixelBackend(with_imu(tiny, "serial line"), {"main": "p"})

@@ -46,16 +46,6 @@ def test_heat_trips_above_the_limit_and_again_after_a_reboot_while_hot():
     assert read(servo, "hardware_error_status") == HardwareError.OVERHEATING
 
 
-@pytest.mark.parametrize("voltage", [9.4, 16.1])
-def test_a_voltage_error_goes_when_the_voltage_is_good_again(voltage: float):
-    servo = powered()
-    sense(servo, voltage=voltage)
-    assert read(servo, "hardware_error_status") == HardwareError.VOLTAGE
-    assert servo.torque_on  # voltage is not in the default shutdown mask
-    sense(servo, voltage=12.0)
-    assert read(servo, "hardware_error_status") == 0
-
-
 def time_to_trip(current: float, longest: float = 60.0) -> float:
     """Seconds of a steady current until overload, ``inf`` for never."""
     servo = VirtualServo(1)
@@ -108,3 +98,12 @@ def test_what_a_feetech_keeps_without_power_is_behind_its_lock():
         servo.powered = False
         servo.powered = True
         assert servo.peek("temperature_limit") == kept
+
+
+@pytest.mark.parametrize("voltage", [9.4, 16.1])
+def test_a_voltage_error_goes_when_the_voltage_is_good_again(voltage: float):
+    servo = powered()
+    for supply, error in ((voltage, HardwareError.VOLTAGE), (12.0, 0)):
+        sense(servo, voltage=supply)
+        assert read(servo, "hardware_error_status") == error
+        assert servo.torque_on  # voltage is not in the default shutdown mask

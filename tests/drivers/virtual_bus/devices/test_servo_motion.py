@@ -186,10 +186,7 @@ def test_the_ramp_lasts_64_ms_times_velocity_over_acceleration(goal: float, top:
     else:
         assert path.shape is ProfileShape.TRIANGLE
         assert path.end == pytest.approx(2.0 * (goal / acceleration) ** 0.5)
-
-
-def test_without_velocity_it_is_a_step_and_without_acceleration_a_rectangle():
-    path = plan_by_velocity(1.0, 0.0, 0.0, 9.0, 0.0, 5.0)
+    path = plan_by_velocity(1.0, 0.0, 0.0, 9.0, 0.0, 5.0)  # without velocity
     assert (path.shape, path.at(1.0)) == (ProfileShape.STEP, (9.0, 0.0))
-    path = plan_by_velocity(0.0, 100.0, 0.0, -100.0, 50.0, 0.0)
+    path = plan_by_velocity(0.0, 100.0, 0.0, -100.0, 50.0, 0.0)  # without acceleration
     assert (path.shape, path.end, path.at(1.0)) == (ProfileShape.RECTANGLE, 4.0, (50.0, -50.0))

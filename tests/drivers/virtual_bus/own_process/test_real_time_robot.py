@@ -121,7 +121,9 @@ with RealTimeRobot(simulation, options=PortOptions(link=Path(sys.argv[1]))) as s
 """
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize(
+    "how", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)]
+)
 def test_the_wire_ends_with_the_program(tmp_path: Path, how: signal.Signals):
     link = tmp_path / "port"
     command = [sys.executable, "-c", PROGRAM, str(link)]

@@ -50,20 +50,16 @@ def test_scheduled_faults_find_physics_at_their_times(tmp_path: Path):
     assert silent == [False, True, True, True, True, True, False, False]
 
 
-def test_an_echo_comes_first_and_replies_are_counted():
-    exchange, faults = exchange_with(FakeDevices(IDS))
-    faults.strike_next(LineFault.ECHO)
-    echo, reply = exchange.run(received(READ))
-    assert (echo.data, echo.delay) == (READ, 0.0)
-    assert (reply.device, len(reply.data)) == (2, 15)
-    assert (exchange.statistics.answers, exchange.statistics.unanswered) == (1, 0)
-
-
-def test_what_no_device_hears_is_unanswered():
+def test_what_no_device_hears_is_unanswered_and_other_replies_are_counted():
     devices = FakeDevices(IDS)
     exchange, faults = exchange_with(devices)
     assert exchange.run(received(READ, baud=57_600)) == devices.heard == []
     assert (exchange.statistics.unanswered, exchange.statistics.wrong_baud) == (1, 1)
+    faults.strike_next(LineFault.ECHO)
+    echo, reply = exchange.run(received(READ))
+    assert (echo.data, echo.delay) == (READ, 0.0), "an echo comes first"
+    assert (reply.device, len(reply.data), exchange.statistics.answers) == (2, 15, 1)
+    devices.heard.clear()
     faults.silence()
     assert exchange.run(received(READ)) == devices.heard == []
 
@@ -131,16 +127,13 @@ def test_instructions_are_found_however_the_bytes_are_cut(sent: list[Packet], cu
     assert statistics == WireStatistics(bytes_in=len(stream), packets=len(sent))
 
 
-def test_a_pause_within_an_instruction_breaks_it_off():
+def test_a_pause_within_an_instruction_or_where_time_does_not_count_the_next_breaks_it_off():
     reader, statistics = make_reader(timed=True)
     end = 1.0 + 6 * BYTE  # of the first six bytes on the wire
     assert reader.receive(READ[:6], 1.0, BAUD) == []
     assert reader.receive(READ[6:], end + LONGEST_GAP + 1e-6, BAUD) == []
     assert (statistics.broken_off, statistics.packets) == (1, 0)
     assert len(reader.receive(READ, 2.0, BAUD)) == 1
-
-
-def test_where_time_does_not_count_the_next_instruction_breaks_off_a_half_one():
     reader, statistics = make_reader()
     reader.receive(READ[:6], 0.0, BAUD)
     assert len(reader.receive(READ, 0.0, BAUD)) == 1

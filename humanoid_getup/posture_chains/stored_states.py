@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,15 +24,69 @@ MOST_MOVES = 300  # of a way; after 100,000 s of a search, ways had up to 17
 UNIT = 1e-3  # by which the length of a quaternion may differ from 1
 
 
+class NumberedStates:
+    """Numbers states and moves, and writes them as arrays."""
+
+    def __init__(self) -> None:
+        self._states: dict[RestingState | None, int] = {None: NOTHING}
+        self._moves: dict[PostureMove | None, int] = {None: NOTHING}
+
+    def __contains__(self, state: RestingState) -> bool:
+        return state in self._states
+
+    def number(self, state: RestingState) -> int:
+        """Number a state after all to which it leads."""
+        todo = [state]
+        while todo:
+            last = todo[-1]
+            if new := [link for link in (last.before, last.after) if link not in self._states]:
+                todo += [link for link in new if link is not None]
+                continue
+            self._states.setdefault(last, len(self._states) - 1)
+            todo.pop()
+        return self._states[state]
+
+    def number_move(self, move: PostureMove | None) -> int:
+        """Number a move; `NOTHING` for None."""
+        return self._moves.setdefault(move, len(self._moves) - 1)
+
+    def write(self, n: int, worlds: int) -> dict[str, Any]:
+        """Write the states of a robot with n joints, with their arrivals in so many worlds."""
+        states = [state for state in self._states if state is not None]
+        links = [
+            [
+                self._states[state.before],
+                self._states[state.after],
+                self.number_move(state.move),
+                self.number_move(state.onward),
+            ]
+            for state in states
+        ]
+        moves = [move for move in self._moves if move is not None]
+        plain = ("qpos", "target", "cell", "progress", "place", "depth")
+        return {
+            **{key: np.array([getattr(state, key) for state in states]) for key in plain},
+            "arrivals": np.array([state.list_arrivals(worlds) for state in states]),
+            "links": np.array(links, dtype=int),
+            "knots": np.concatenate([np.zeros((0, n)), *(move.knots for move in moves)]),
+            "knot_count": np.array([len(move.knots) for move in moves], dtype=int),
+            "duration": np.array([move.duration for move in moves], dtype=float),
+            "kind": np.array([move.kind for move in moves], dtype=str),
+        }
+
+
+def pad(rows: Sequence[Sequence[int]]) -> np.ndarray:
+    """Make one array of rows of numbers, the short ones filled up with `NOTHING`."""
+    width = max((len(row) for row in rows), default=0)
+    padded = [[*row, *[NOTHING] * (width - len(row))] for row in rows]
+    return np.array(padded, dtype=int).reshape(len(rows), width)
+
+
 class StoredStates:
     """Moves and resting states of a search, checked against the world in which it searches."""
 
     def __init__(self, arrays: dict[str, Any], world: World, worlds: int) -> None:
-        """Read the arrays of a file of a search that checks its states in so many worlds.
-
-        Raises:
-            ValueError: if they do not describe states of that world's robot.
-        """
+        """Read the arrays of a file of a search that checks its states in so many worlds."""
         self._arrays, self._world, self._others = arrays, world, worlds - 1
         self.moves = self._read_moves()
         self.states = self._read_states()
@@ -105,28 +160,25 @@ class StoredStates:
         cell = to_numbers(arrays["cell"], "cell", (len(qpos), stance.cells.shape[1])).astype(int)
         depth = self.read_numbers("depth", (len(qpos),), np.inf)
         links = self.read_numbers("links", (len(qpos), 4), max(len(qpos), len(self.moves)))
-        states: list[RestingState] = []
-        lengths = list[int]()
+        states, moves = dict[int, RestingState](), dict(enumerate(self.moves))
+        lengths = {NOTHING: -1}
         for k, (before, after, move, onward) in enumerate(links.tolist()):
             if max(before, after) >= k:
                 raise ValueError(f"state {k} leads to one after it")
-            linked = [lengths[other] + 1 for other in (before, after) if other != NOTHING]
-            lengths.append(max(linked, default=0))
+            lengths[k] = max(lengths[before], lengths[after]) + 1
             if lengths[k] > MOST_MOVES:
                 raise ValueError(f"state {k} is over {MOST_MOVES} moves long, expected fewer")
-            states.append(
-                RestingState(
-                    qpos=qpos[k],
-                    arrivals=arrivals[k],
-                    target=target[k],
-                    cell=tuple(cell[k].tolist()),
-                    progress=float(progress[k]),
-                    place=where[k],
-                    before=None if before == NOTHING else states[before],
-                    after=None if after == NOTHING else states[after],
-                    move=None if move == NOTHING else self.moves[move],
-                    onward=None if onward == NOTHING else self.moves[onward],
-                    depth=int(depth[k]),
-                )
+            states[k] = RestingState(
+                qpos=qpos[k],
+                arrivals=arrivals[k],
+                target=target[k],
+                cell=tuple(cell[k].tolist()),
+                progress=float(progress[k]),
+                place=where[k],
+                before=states.get(before),
+                after=states.get(after),
+                move=moves.get(move),
+                onward=moves.get(onward),
+                depth=int(depth[k]),
             )
-        return states
+        return [*states.values()]

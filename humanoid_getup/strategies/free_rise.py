@@ -118,8 +118,7 @@ class FreeRise:
     def search(self, start: Posture, rng: np.random.Generator) -> FoundRise:
         """Search from a posture at rest; the same arguments give the same result.
 
-        Raises:
-            KeyboardInterrupt: if it was interrupted, with what it had found.
+        A `KeyboardInterrupt` tells what was found so far.
         """
         began = time.perf_counter()
         more = MORE_CONNECTIONS if self._is_flat else MORE_IN_SCENES

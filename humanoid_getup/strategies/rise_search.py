@@ -52,7 +52,7 @@ class SearchTools:
         return self.filter.searched + self.finder.simulated
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class FoundRise:
     """Result of a search from a start."""
 
@@ -108,10 +108,8 @@ class RiseSearch:
         self._start, self._rng = start, rng
         self.tried: list[CandidateRollout] = []
         """Rollouts of the last round."""
-        self._best: CandidateRollout | None = None
-        self._before: CandidateRollout | None = None
-        self._robust = float("nan")
-        self._rounds, self._highest, self._joined = 0, 0.0, ""
+        self.found = FoundRise()
+        """The result so far."""
 
     @property
     def is_done(self) -> bool:
@@ -120,29 +118,17 @@ class RiseSearch:
 
     def stands_in(self, share: float) -> bool:
         """Tell whether there is a rise that stands in a share of its disturbed rollouts."""
-        return self._best is not None and self._robust >= share
-
-    @property
-    def found(self) -> FoundRise:
-        """Return the result so far."""
-        return FoundRise(
-            rollout=self._best,
-            before=self._before,
-            robust=self._robust,
-            rolled_out=bool(self.tried),
-            highest=self._highest,
-            rounds=self._rounds,
-            joined=self._joined,
-        )
+        return self.found.rollout is not None and self.found.robust >= share
 
     def roll_out(self, candidates: list[Candidate]) -> list[CandidateRollout]:
         """Roll candidates out, as a round."""
-        self._rounds += 1
+        found = self.found
+        found.rounds, found.rolled_out = found.rounds + 1, True
         self.tried = self._filter.roll_out(self._start, candidates)
         highest = max(self.tried, key=lambda one: one.peak_neck)
-        if highest.peak_neck > self._highest:
-            self._highest = highest.peak_neck
-            self._joined = highest.candidate.connection.motion.name
+        if highest.peak_neck > found.highest:
+            found.highest = highest.peak_neck
+            found.joined = highest.candidate.connection.motion.name
         return self.tried
 
     def try_all(self, candidates: list[Candidate], finalists: int = FINALISTS) -> None:
@@ -154,7 +140,8 @@ class RiseSearch:
         """Check the best of some rollouts that stand against disturbances."""
         for finalist in sorted(standing, key=self._rank)[:finalists]:
             self._check(finalist)
-            if self._best and self.is_done and not self._best.collides:
+            best = self.found.rollout
+            if best and self.is_done and not best.collides:
                 return
 
     def refit(self, times: int, finalists: int) -> None:
@@ -172,10 +159,11 @@ class RiseSearch:
         """Vary the targets of the best rollout, or of the failed ones that rose highest."""
         rose = [one for one in self.tried if one.peak_neck >= self._filter.hopeless]
         failed = sorted(rose, key=lambda r: -r.peak_neck)[:SEARCH_STARTS]
-        for base in [self._best] if self._best else failed:
+        found = self.found
+        for base in [found.rollout] if found.rollout else failed:
             better, share = self._filter.search(self._start, base, self._tools.budget, self._rng)
-            if self._replaces_best(better) and share > (self._robust if self._best else 0.0):
-                self._best, self._robust = better, share
+            if self._replaces_best(better) and share > (found.robust if found.rollout else 0.0):
+                found.rollout, found.robust = better, share
                 if better.collides:
                     self._check(better)
                 if self.is_done:
@@ -183,16 +171,17 @@ class RiseSearch:
 
     def improve(self) -> None:
         """Vary the targets of a rise that stands everywhere, if the preference requires it."""
-        best, preference = self._best, self._filter.preference
+        best, preference = self.found.rollout, self._filter.preference
         if best and self.is_done and (preference.is_demanding or best.collides):
             budget = preference.improvement * self._tools.budget
             better = self._filter.improve(self._start, best, budget, self._rng)
             if better is not best and self._replaces_best(better):
-                self._best, self._before = better, best
+                self.found.rollout, self.found.before = better, best
 
     def _replaces_best(self, rollout: CandidateRollout) -> bool:
         """Return whether a rollout stands, and loses no key posture that the best one has."""
-        is_worse = self._best and self._count_lost(rollout) > self._count_lost(self._best)
+        best = self.found.rollout
+        is_worse = best and self._count_lost(rollout) > self._count_lost(best)
         return rollout.stood and not is_worse
 
     def _rank(self, rollout: CandidateRollout) -> tuple[int, float]:
@@ -204,11 +193,12 @@ class RiseSearch:
         budget = self._filter.preference.improvement * self._tools.budget
         separated = self._filter.separate(self._start, rollout, budget)
         for one in [separated] if separated is rollout else [separated, rollout]:
-            best, (lost, cost) = self._best, self._rank(one)
+            found, (lost, cost) = self.found, self._rank(one)
+            best = found.rollout
             if best and self.is_done and (lost, cost) >= self._rank(best):
                 return
-            known = (-self._count_lost(best), self._robust, -best.cost) if best else None
-            least = self._robust if known and -lost <= known[0] else 0.0
+            known = (-self._count_lost(best), found.robust, -best.cost) if best else None
+            least = found.robust if known and -lost <= known[0] else 0.0
             share = self._filter.check(self._start, one.target, self._rng, least=least)
             if share > 0.0 and (known is None or (-lost, share, -cost) > known):
-                self._best, self._robust = self._filter.confirm(self._start, one), share
+                found.rollout, found.robust = self._filter.confirm(self._start, one), share

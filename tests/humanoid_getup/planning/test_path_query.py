@@ -6,6 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from humanoid_getup.commands.plan.plan_path import (
+    Goal,
+    PathAnswer,
+    measure_length,
+    to_motion,
+)
 from humanoid_getup.filtering.candidate import straight_path
 from humanoid_getup.motions.motion import NO_END
 from humanoid_getup.motions.motion_database import Connection, KeyPosture, load_key, name_keys
@@ -17,12 +23,6 @@ from humanoid_getup.planning.path_planner import (
     PathResult,
     place_stops,
     plan_via,
-)
-from humanoid_getup.planning.path_query import (
-    Goal,
-    PathAnswer,
-    measure_length,
-    to_motion,
 )
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.simulation.world import World

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -120,11 +121,7 @@ class TrackRecord:
 
 
 def load_track_record(robot: Robot) -> TrackRecord:
-    """Load a robot's track record; without a file it is empty.
-
-    Raises:
-        ValueError: naming every problem of the file.
-    """
+    """Load a robot's track record; without a file it is empty."""
     file = robot.folder / RECORDS
     if not file.exists():
         return TrackRecord()
@@ -156,30 +153,6 @@ NEAREST, STRAIGHT = "nearest", "straight"
 DEFAULT_POLICY, STYLED_POLICY = "robust", "styled"
 
 
-@dataclass(frozen=True, kw_only=True)
-class StrategyRequest:
-    """Request for a strategy."""
-
-    method: Literal["plan", "policy", "auto"] = "plan"
-    """Plan a motion, run a policy, or use the one with the better track record for the start."""
-    torque_limit: TorqueLimit = FULL_TORQUE
-    """Torque limit of the servos."""
-    prefer: PreferenceName = "time"
-    """What a planned rise should be besides successful."""
-    search_budget: float = SEARCH_BUDGET
-    """Simulated time in which a search may vary a rollout's targets [s]."""
-    keys: tuple[Posture | KeyPosture, ...] = ()
-    """Key postures for a planned rise, in order."""
-    options: PlannerOptions | None = None
-    """Options of the planner; None for the best known."""
-    origin: str | None = None
-    """Side on which the robot is to lie, or another start; None if it is unknown."""
-    policy: str | None = None
-    """Name of a policy, or its file; None for the robust one, or the styled one with a style."""
-    style: str | None = None
-    """What a policy that follows style curves follows: a style, its file, or ``planned``."""
-
-
 class StrategySelector:
     """Selects, for each rise, the strategy with the best record for the class of its start.
 
@@ -209,39 +182,47 @@ class StrategySelector:
 
 def choose_strategy(
     world: World,
-    request: StrategyRequest,
+    method: Literal["plan", "policy", "auto"] = "plan",
+    *,
+    torque_limit: TorqueLimit = FULL_TORQUE,
+    prefer: PreferenceName = "time",
+    search_budget: float = SEARCH_BUDGET,
+    keys: Sequence[KeyPosture] = (),
+    options: PlannerOptions | None = None,
+    policy: str | None = None,
+    style: str | None = None,
+    origin: str | None = None,
     monitor: ProgressMonitor | None = None,
 ) -> Strategy:
-    """Make the strategy of a request for a world.
+    """Make a planner, a policy, or for ``auto`` what selects the better of both for each start.
 
-    The monitor shows and ends plans, and tells of a missing motion for the side of the start.
-
-    Raises:
-        ValueError: if motions, policy, style or track record cannot be loaded or do not fit.
+    Without a name, the policy is the robust one, or the styled one with a style: that, its file, or
+    ``planned``. The monitor shows and ends plans, and tells that no motion begins on the side of
+    the ``origin``.
     """
-    robot, limit = world.robot, request.torque_limit
-    name = request.policy or (STYLED_POLICY if request.style else DEFAULT_POLICY)
-    if request.method == POLICY:
-        rise = LearnedRise(world, name, torque_limit=limit, name=name)
-        return apply_style(rise, request.style, monitor)
-    records = load_track_record(robot) if request.method == "auto" else None
+    name = policy or (STYLED_POLICY if style else DEFAULT_POLICY)
+    if method == POLICY:
+        learned = LearnedRise(world, name, torque_limit=torque_limit, name=name)
+        return apply_style(learned, style, monitor)
+    robot = world.robot
+    records = load_track_record(robot) if method == "auto" else None
     planner = PlannedRise(
         world,
-        torque_limit=limit,
-        prefer=request.prefer,
-        search_budget=request.search_budget,
-        keys=request.keys,
-        options=request.options,
+        torque_limit=torque_limit,
+        prefer=prefer,
+        search_budget=search_budget,
+        keys=keys,
+        options=options,
         monitor=monitor,
     )
-    if monitor and robot.imu_kind and (gap := planner.describe_gap(request.origin)):
+    if monitor and robot.imu_kind and (gap := planner.describe_gap(origin)):
         monitor.tell(gap)  # without an IMU, no rise begins
-    learned = StrategyId(POLICY, name)
-    if records is None or not (records.knows(learned) and robot.body.is_original):
+    known = StrategyId(POLICY, name)
+    if records is None or not (records.knows(known) and robot.body.is_original):
         return planner
-    rise = LearnedRise(world, name, torque_limit=limit, name=name)
-    known = {StrategyId(PLAN): planner, learned: apply_style(rise, request.style, monitor)}
-    return StrategySelector(known, records)
+    learned = LearnedRise(world, name, torque_limit=torque_limit, name=name)
+    both = {StrategyId(PLAN): planner, known: apply_style(learned, style, monitor)}
+    return StrategySelector(both, records)
 
 
 def make_strategy(
@@ -253,18 +234,7 @@ def make_strategy(
     search_budget: float = SEARCH_BUDGET,
     threads: int = 0,
 ) -> Strategy:
-    """Make a strategy by the name that benchmarks use.
-
-    Args:
-        name: `PLAN`, `STRAIGHT`, `NEAREST`, or a policy by its name or file.
-        torque_limit: Of the servos.
-        database: Motions to plan with; ``None`` for the robot's own.
-        search_budget: Simulated time in which a plan's search may vary its targets [s].
-        threads: Threads that step a plan's physics; 0 for one per processor.
-
-    Raises:
-        ValueError: if there is no such policy, or it does not fit.
-    """
+    """Make a strategy by its name: `PLAN`, `STRAIGHT`, `NEAREST`, or a policy or its file."""
     if name == PLAN:
         return PlannedRise(
             world,
@@ -284,11 +254,7 @@ def make_strategy(
 def apply_style(
     learned: LearnedRise, style: str | None, monitor: ProgressMonitor | None = None
 ) -> Strategy:
-    """Let a policy follow a style by its name or file, or the curves of a plan (``planned``).
-
-    Raises:
-        ValueError: if there is no such style, or the policy follows none.
-    """
+    """Let a policy follow a style by its name or file, or the curves of a plan (``planned``)."""
     if style is None:
         return learned
     limit = learned.torque_limit

@@ -98,15 +98,10 @@ class LearnedRise:
 
         Args:
             policy: Name of one of the robot's policies, an .onnx file, or a loaded policy.
-            torque_limit: Of the servos; a loaded policy must have been loaded with it.
+            torque_limit: A loaded policy must have been loaded with it.
             name: For reports; ``None`` for the name of the file.
-            style: What a policy that follows style curves should follow: a style, the name of
-                one, or a style file; ``None`` to choose among all named ones, as
-                `Style.choose` does.
-
-        Raises:
-            ValueError: if the policy is unknown, does not fit the robot, or was loaded with
-                another torque limit.
+            style: What a policy that follows style curves should follow: a style, its name or
+                file; ``None`` to choose among all named ones, as `Style.choose` does.
         """
         expect("world", world, World, "a World, e.g. World(robot)")
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
@@ -142,11 +137,7 @@ class StyledRise:
     """Plans a motion, and lets a policy follow its style curves."""
 
     def __init__(self, learned: LearnedRise, planner: Strategy) -> None:
-        """Combine a policy that follows style curves with a planner of the same world.
-
-        Raises:
-            ValueError: if the policy follows no style curves.
-        """
+        """Combine a policy that follows style curves with a planner of the same world."""
         if learned.policy.contract.style is None:
             raise ValueError(
                 f"policy '{learned.name}' follows no style curves, expected no style with it"
@@ -182,11 +173,7 @@ class StyledRise:
 
 
 def read_curves(world: World, motion: Motion) -> StyleCurves:
-    """Extract the style curves of a motion in a world.
-
-    Raises:
-        ExtractionError: if it does not end standing.
-    """
+    """Extract the style curves of a motion that ends standing in a world."""
     features = measure_motion(world.robot, motion, world.scene.ground)
     return extract_curves(motion.time, features)
 

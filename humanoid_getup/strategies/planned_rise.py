@@ -82,7 +82,6 @@ class PlannedRise:
 
         Args:
             database: Motions to connect to; ``None`` for the robot's own.
-            torque_limit: Of the servos.
             prefer: What a rise should be besides successful.
             search_budget: Simulated time in which a search may vary a rollout's targets [s].
             keys: Key postures to rise through, in order; what physics refuses is dropped. They
@@ -90,10 +89,6 @@ class PlannedRise:
             options: What is left out, and what the simulation uses.
             monitor: Shows the steps of each plan, and ends it between two of them if it is
                 canceled.
-
-        Raises:
-            ValueError: if the preference is unknown, the budget out of range, or the robot cannot
-                be in a key posture.
         """
         expect("world", world, World, "a World, e.g. World(robot)")
         expect("search_budget", search_budget, int | float, "a number of seconds")
@@ -152,17 +147,13 @@ class PlannedRise:
             return self._chain_unfiltered(start, rng)
         began = time.perf_counter()
         self._tools.begin()
-        found = KeyedRise(self._tools, self.keys).search(start, rng) if self.keys else None
-        if found is None or found.rollout is None:
-            free = FreeRise(self._tools).search(start, rng)
-            found = free if found is None else _add_effort(free, found)
-        return self._conclude(
-            start,
-            found,
-            rollouts=self.filter.count,
-            searched=self._tools.searched,
-            filter_s=time.perf_counter() - began - found.plan_s,
-        )
+        found = keyed = KeyedRise(self._tools, self.keys).search(start, rng)
+        if keyed.rollout is None:
+            found = FreeRise(self._tools).search(start, rng)
+            found.keys = keyed.keys
+            found.rounds += keyed.rounds
+            found.plan_s += keyed.plan_s
+        return self._conclude(start, found, time.perf_counter() - began - found.plan_s)
 
     def describe_gap(self, side: str | None) -> str:
         """Say that no stored motion begins on a side, and what to do; empty if one does."""
@@ -171,9 +162,8 @@ class PlannedRise:
         robot = self.world.robot
         return f"'{robot.name}' has no motion from {side}; next: {suggest_motions(robot)}"
 
-    def _conclude(
-        self, start: Posture, found: FoundRise, *, rollouts: int, searched: float, filter_s: float
-    ) -> RisePlan:
+    def _conclude(self, start: Posture, found: FoundRise, filter_s: float) -> RisePlan:
+        rollouts, searched = self.filter.count, self._tools.searched
         record = SearchRecord(
             prefer=self.prefer,
             budget=self.search_budget,
@@ -243,16 +233,6 @@ class PlannedRise:
             planned=self.options.planning,
             plan_s=plan_s,
         )
-
-
-def _add_effort(found: FoundRise, through: FoundRise) -> FoundRise:
-    """Add effort and result of the search through key postures to a plan."""
-    return replace(
-        found,
-        keys=through.keys,
-        rounds=found.rounds + through.rounds,
-        plan_s=found.plan_s + through.plan_s,
-    )
 
 
 def make_motion(world: World, start: Posture, rollout: CandidateRollout) -> Motion:

@@ -25,22 +25,16 @@ class StoredMotion:
         *,
         torque_limit: TorqueLimit = FULL_TORQUE,
     ) -> None:
-        """Load a motion, or take a loaded one.
-
-        Args:
-            motion: Name of one of the robot's motions, an .npz file, or a motion.
-
-        Raises:
-            ValueError: if the motion is unknown, another robot's, or no rise.
-        """
+        """Load one of the robot's motions by name, or an .npz file, or take a loaded motion."""
         expect("world", world, World, "a World, e.g. World(robot)")
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         is_loaded = isinstance(motion, Motion)
         self.motion = motion if is_loaded else find_motion(world.robot, str(motion))
         if not self.motion.rises:
+            is_path = self.motion.end_class == NO_END
+            end = "neither standing nor lying" if is_path else f"lying {self.motion.end_class}"
             raise ValueError(
-                f"motion '{self.motion.name}' ends {_name_end(self.motion)}, expected one that "
-                "ends standing"
+                f"motion '{self.motion.name}' ends {end}, expected one that ends standing"
             )
 
     def __repr__(self) -> str:
@@ -49,11 +43,6 @@ class StoredMotion:
     def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
         """Plan to play the motion."""
         return MotionPlan(status=RiseStatus.STORED, motion=self.motion)
-
-
-def _name_end(motion: Motion) -> str:
-    is_path = motion.end_class == NO_END
-    return "neither standing nor lying" if is_path else f"lying {motion.end_class}"
 
 
 class NearestMotion:

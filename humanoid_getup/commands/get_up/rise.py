@@ -23,7 +23,7 @@ from humanoid_getup.commands.options import (
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.choice import StrategyRequest, choose_strategy
+from humanoid_getup.strategies.choice import choose_strategy
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannerOptions
 
@@ -115,15 +115,16 @@ rise.show(print_rise)
 
 def _select_strategy(request: RiseRequest, world: World, monitor: ProgressMonitor) -> Strategy:
     """Load the strategy of the method, before any robot is touched."""
-    wanted = StrategyRequest(
-        method=request.method,
+    return choose_strategy(
+        world,
+        request.method,
         torque_limit=make_torque_limit(request, world.robot),
         prefer=request.prefer,
         search_budget=request.search_budget,
-        keys=tuple(load_keys(world, request.key)),
+        keys=load_keys(world, request.key),
         options=PlannerOptions(planning=request.planning, filtering=request.filtering),
         policy=request.policy,
         style=request.style,
         origin=request.origin,
+        monitor=monitor,
     )
-    return choose_strategy(world, wanted, monitor)

@@ -31,7 +31,7 @@ from humanoid_getup.execution.session import Phase, PhaseChange, SessionOptions
 from humanoid_getup.experiments.falls import find_rest
 from humanoid_getup.playback.monitors import DOWN, Persistence, vector_angle
 from humanoid_getup.progress.callback import CancelledError, ProgressMonitor
-from humanoid_getup.strategies.choice import StrategyRequest, choose_strategy
+from humanoid_getup.strategies.choice import choose_strategy
 from humanoid_getup.strategies.plan import Strategy
 from lerobot_robot_getup.config_getup_robot import GetupRobotConfig
 from robots.kinematics import GravitySense, imu_in_torso
@@ -185,11 +185,14 @@ class RobotThread:
         try:
             strategy = None
             if self._config.rises:
-                wanted = StrategyRequest(
-                    method=request.method, torque_limit=limit, policy=request.policy
-                )
                 with refusing():
-                    strategy = choose_strategy(world, wanted, monitor=self._monitor)
+                    strategy = choose_strategy(
+                        world,
+                        request.method,
+                        torque_limit=limit,
+                        policy=request.policy,
+                        monitor=self._monitor,
+                    )
             with open_backend(request, world, limit, without_imu=self.sense is None) as choice:
                 try:
                     self._move(choice, strategy)

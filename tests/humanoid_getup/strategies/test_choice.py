@@ -13,7 +13,6 @@ from humanoid_getup.strategies.choice import (
     NEAREST,
     PLAN,
     STRAIGHT,
-    StrategyRequest,
     choose_strategy,
     make_strategy,
 )
@@ -47,8 +46,8 @@ def test_every_name_makes_a_strategy_under_the_limit(world, database, name, kind
 
 
 def test_a_style_brings_the_policy_that_follows_it(world, supine):
-    request = StrategyRequest(method="policy", style="side-sit")
-    plan = choose_strategy(world, request).plan(supine, np.random.default_rng(0))
+    strategy = choose_strategy(world, "policy", style="side-sit")
+    plan = strategy.plan(supine, np.random.default_rng(0))
     assert isinstance(plan, PolicyPlan)
     assert plan.status is RiseStatus.LEARNED
     assert plan.title == "policy styled, style side-sit"

@@ -20,7 +20,6 @@ from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.lifting import find_rises
 from humanoid_getup.posture_chains.motion_maker import SHARES, MadeMotion
-from humanoid_getup.posture_chains.move_player import measure_time_scale
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, load_robot
@@ -71,9 +70,8 @@ def main(
 def _show_squats(world: World) -> None:
     """Print from how many squats a robot rises with shares of its torque."""
     moves = RandomMoves(world.robot, np.random.default_rng(0))
-    scale = measure_time_scale(world.robot)
     for share in sorted((1.0, *SHARES), reverse=True):
-        rises = find_rises(world, moves, scale, FULL_TORQUE, share)
+        rises = find_rises(world, moves, FULL_TORQUE, share)
         print(f"with {share:.0%} of its torque it rises from {rises.sum()} of {len(rises)} squats")
 
 

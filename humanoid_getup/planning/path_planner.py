@@ -16,7 +16,7 @@ from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.placement import SUNK, GoalPlacement, WayOut
 from humanoid_getup.planning.posture_space import PointProblem, PostureProblem
-from humanoid_getup.planning.refinement import RefinementOptions, Report, refine, repair
+from humanoid_getup.planning.refinement import Report, refine, repair
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchResult, SearchStatus, search
 from humanoid_getup.planning.smoothing import SpeedLimits, shorten, smooth_free
 from humanoid_getup.simulation.clearance import Clearance
@@ -40,7 +40,6 @@ class PathOptions:
     loosened. Small steps free crossed limbs, large ones are quick."""
     refines: bool = True
     """Whether to refine from loose to strict if these searches fail."""
-    refinement: RefinementOptions = field(default_factory=RefinementOptions)
     refine_edges: int = 8000
     """Edges that the refinement from loose to strict may try."""
     max_checks: int = 300_000
@@ -144,7 +143,7 @@ def find_path(
     if found is not None and not options.refines:
         return replace(found, nodes=nodes)
     limited = replace(limited, max_edges=options.refine_edges)
-    found = refine(problem, rng, limited, options.refinement, report)
+    found = refine(problem, rng, limited, report)
     return replace(found, nodes=nodes + found.nodes, refined=True)
 
 

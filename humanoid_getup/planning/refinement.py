@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -34,46 +34,33 @@ Report = Callable[[float], None]
 """Called with the looseness at which a path is legal."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RefinementOptions:
-    """How constraints are tightened."""
-
-    increment: float | None = None
-    """Of looseness, in every step; ``None`` for one that adapts: it grows after a repair, and is
-    halved after one that failed."""
-    partial_body: bool = True
-    """Whether to plan only the colliding limbs where that suffices."""
-
-
 def refine(
     problem: PostureProblem,
     rng: np.random.Generator,
     options: SearchOptions,
-    how: RefinementOptions | None = None,
     report: Report = lambda _: None,
 ) -> SearchResult:
     """Find a path by tightening the constraints step by step, [Lin12], section 4.2.3.
 
     Departure from the paper, which removes the ground and the obstacles at first: here the
-    robot may pass through itself as well, so that crossed limbs are refined in the same way.
+    robot may pass through itself as well, so that crossed limbs are refined in the same way. And
+    steps differ: they grow after a repair, and are halved after one that failed.
     If it fails, the path of the result is the one at the tightest constraints that it reached.
     """
-    how = how or RefinementOptions()
     path, nodes, left, level = [problem.start, problem.goal], 0, options.max_edges, 1.0
-    increment = how.increment or WIDEST
+    increment = WIDEST
     try:
         while level > 0.0:
             tighter = max(level - increment, 0.0)
             problem.checker.loosen(tighter)
-            is_last = how.increment is not None or increment <= FINEST
+            is_last = increment <= FINEST
             edges = left if is_last else min(left, LEVEL_EDGES)
-            repaired = repair(problem, path, rng, replace(options, max_edges=edges), how)
+            repaired = repair(problem, path, rng, replace(options, max_edges=edges))
             nodes, left = nodes + repaired.nodes, left - repaired.edges
             if repaired.status is SearchStatus.SOLVED:
                 path, level = repaired.path, tighter
                 report(level)
-                if how.increment is None:
-                    increment = min(2.0 * increment, WIDEST)
+                increment = min(2.0 * increment, WIDEST)
             elif is_last or left <= 0 or options.is_over():
                 reason = f"{repaired.reason} at looseness {tighter:.3f}"
                 spent = options.max_edges - left
@@ -91,14 +78,13 @@ def repair(
     path: list[Array],
     rng: np.random.Generator,
     options: SearchOptions,
-    how: RefinementOptions | None = None,
 ) -> SearchResult:
     """Cut the illegal segments out of a path and plan new ones, [Lin12], section 4.2.4.
 
     Where only limbs collide, those are planned first, along the path of the rest; then the whole
     body is. A segment that cannot be replanned is cut wider, up to the whole path.
     """
-    return _Repair(problem, path, rng, options, how or RefinementOptions()).run()
+    return _Repair(problem, path, rng, options).run()
 
 
 class _Repair:
@@ -110,9 +96,8 @@ class _Repair:
         path: list[Array],
         rng: np.random.Generator,
         options: SearchOptions,
-        how: RefinementOptions,
     ) -> None:
-        self._problem, self._rng, self._options, self._how = problem, rng, options, how
+        self._problem, self._rng, self._options = problem, rng, options
         self._path = _subdivide(problem, path)
         self._is_illegal = find_illegal(problem, self._path)
         self._nodes = self._edges = 0
@@ -138,9 +123,8 @@ class _Repair:
 
     def _replan(self, first: int, last: int) -> list[Array]:
         """Plan a segment again; empty if that fails."""
-        if self._how.partial_body and (new := self._replan_limbs(first, last)):
-            return new
-        return self._search(self._problem, self._path[first], self._path[last], 1.0)
+        new = self._replan_limbs(first, last)
+        return new or self._search(self._problem, self._path[first], self._path[last], 1.0)
 
     def _replan_limbs(self, first: int, last: int) -> list[Array]:
         """Plan only the colliding limbs of a segment; empty if more of the body collides."""

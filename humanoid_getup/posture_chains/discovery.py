@@ -20,7 +20,6 @@ from humanoid_getup.posture_chains.chain_search import (
 )
 from humanoid_getup.posture_chains.lifting import find_least_share
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, list_shares
-from humanoid_getup.posture_chains.move_player import measure_time_scale
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import are_same, sample_way
@@ -105,8 +104,7 @@ class ChainDiscovery:
         settings = settings or SearchSettings()
         rng, limit = np.random.default_rng(seed), settings.limit
         moves, shares = RandomMoves(world.robot, rng), list_shares(world.robot, limit)
-        scale = measure_time_scale(world.robot)
-        self.least_share = find_least_share(world, moves, scale, limit, shares)
+        self.least_share = find_least_share(world, moves, limit, shares)
         """Share of the torque limit under which motions are judged at least."""
         self.is_weak = self.least_share > shares[0]
         """Whether the usual share does not lift the robot."""

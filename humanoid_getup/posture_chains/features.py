@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Self
@@ -29,26 +28,15 @@ PLACE_STEP, TURN_STEP = 0.25, 0.8  # leg lengths, and along each axis of the ver
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Features(ABC):
+class Features:
     """What matters of resting robots, (K, ...)."""
 
-    up: Array
-    """The world's vertical in the torso's frame, (K, 3)."""
-
-    @property
-    @abstractmethod
-    def progress(self) -> Array:
-        """Return how near robots are to the goal, at most 1, (K,)."""
-
-    @property
-    @abstractmethod
-    def cells(self) -> NDArray[np.int_]:
-        """Return the cells in which robots that are alike are filed, (K, c)."""
-
-    @property
-    @abstractmethod
-    def places(self) -> Array:
-        """Return vectors that are near to each other for robots that are alike, (K, d)."""
+    progress: Array
+    """How near robots are to the goal, at most 1, (K,)."""
+    cells: NDArray[np.int_]
+    """The cells in which robots that are alike are filed, (K, c)."""
+    places: Array
+    """Vectors that are near to each other for robots that are alike, (K, d)."""
 
     def join(self, others: Self, rows: int) -> Self:
         """Join the features of the same number of rows of robots each."""
@@ -66,6 +54,8 @@ class Features(ABC):
 class StandFeatures(Features):
     """What matters of robots that are to stand."""
 
+    up: Array
+    """The world's vertical in the torso's frame, (K, 3)."""
     neck: Array
     """Height of the neck over the ground as a share of that of the stance, (K,)."""
     flatness: Array
@@ -75,54 +65,29 @@ class StandFeatures(Features):
     split: Array
     """How much farther apart the soles are than in the stance [leg lengths], (K,)."""
 
-    @property
-    def progress(self) -> Array:
-        """Return how near robots are to a stand, from 0 to 1, (K,)."""
-        balance = np.exp(-((self.offset / BALANCED) ** 2) - (self.split / SPLIT) ** 2)
-        on_soles = self.flatness * (0.3 + 0.7 * balance)
-        upright = np.maximum(self.up[:, 2], 0.0) * self.flatness * balance
-        return 0.35 * np.clip(self.neck, 0.0, 1.0) + 0.35 * on_soles + 0.3 * upright
-
-    @property
-    def cells(self) -> NDArray[np.int_]:
-        """Return the cells in which robots that are alike are filed, (K, 6)."""
-        gravity = np.round(self.up / GRAVITY_STEP)
-        flat = np.minimum(np.floor(self.flatness * FLAT_STEPS), FLAT_STEPS - 1)
-        offset = np.minimum(np.floor(self.offset / OFFSET_STEP), MOST_OFFSET)
-        neck = np.floor(self.neck / NECK_STEP)
-        return np.column_stack([gravity, neck, flat, offset]).astype(int)
-
-    @property
-    def places(self) -> Array:
-        """Return vectors that are near to each other for robots that are alike, (K, 6)."""
-        shares = [self.neck[:, None], 0.5 * self.flatness[:, None], 0.3 * self.offset[:, None]]
-        return np.hstack([self.up, *shares])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlaceFeatures(Features):
-    """What matters of robots that are to come to a place."""
-
-    position: Array
-    """Of the torso in the plane [leg lengths], (K, 2)."""
-    distance: Array
-    """From the place [leg lengths], (K,)."""
-
-    @property
-    def progress(self) -> Array:
-        """Return 1 in the place, and less before it by the distance, (K,)."""
-        return 1.0 - self.distance
-
-    @property
-    def cells(self) -> NDArray[np.int_]:
-        """Return cells of position and attitude, (K, 5)."""
-        steps = [self.position / PLACE_STEP, self.up / TURN_STEP]
-        return np.round(np.hstack(steps)).astype(int)
-
-    @property
-    def places(self) -> Array:
-        """Return positions and attitudes, (K, 5)."""
-        return np.hstack([self.position, self.up])
+    @classmethod
+    def of(cls, up: Array, neck: Array, flatness: Array, offset: Array, split: Array) -> Self:
+        """Judge how near robots are to a stand, and which are alike."""
+        balance = np.exp(-((offset / BALANCED) ** 2) - (split / SPLIT) ** 2)
+        on_soles = flatness * (0.3 + 0.7 * balance)
+        upright = np.maximum(up[:, 2], 0.0) * flatness * balance
+        cells = [
+            np.round(up / GRAVITY_STEP),
+            np.floor(neck / NECK_STEP),
+            np.minimum(np.floor(flatness * FLAT_STEPS), FLAT_STEPS - 1),
+            np.minimum(np.floor(offset / OFFSET_STEP), MOST_OFFSET),
+        ]
+        places = [up, neck[:, None], 0.5 * flatness[:, None], 0.3 * offset[:, None]]
+        return cls(
+            progress=0.35 * np.clip(neck, 0.0, 1.0) + 0.35 * on_soles + 0.3 * upright,
+            cells=np.column_stack(cells).astype(int),
+            places=np.hstack(places),
+            up=up,
+            neck=neck,
+            flatness=flatness,
+            offset=offset,
+            split=split,
+        )
 
 
 class StandMeter:
@@ -154,7 +119,7 @@ class StandMeter:
         lifted = np.maximum(soles[..., 2] - support(soles) - ON_GROUND, 0.0)
         flat = np.clip(turned, 0.0, 1.0) * np.exp(-lifted / (SOLE_REACH * self._leg))
         between = soles[..., :2].mean(axis=1)
-        return StandFeatures(
+        return StandFeatures.of(
             up=_find_up(qpos[:, self._layout.root_orientation]),
             neck=(neck[:, 2] - support(neck)) / self._world.robot.standing_neck_height,
             flatness=flat.min(axis=1),
@@ -171,13 +136,14 @@ class PlaceMeter:
         self._layout, self._distance = world.robot.layout(world.model), distance
         self._leg = leg_length(world.robot)
 
-    def measure(self, qpos: Array) -> PlaceFeatures:
-        """Measure robots at MuJoCo positions (K, nq)."""
+    def measure(self, qpos: Array) -> Features:
+        """Measure robots at MuJoCo positions (K, nq); those alike have place and attitude alike."""
         root = qpos[:, self._layout.root_position]
-        return PlaceFeatures(
-            up=_find_up(qpos[:, self._layout.root_orientation]),
-            position=root[:, :2] / self._leg,
-            distance=self._distance(root) / self._leg,
+        position, up = root[:, :2] / self._leg, _find_up(qpos[:, self._layout.root_orientation])
+        return Features(
+            progress=1.0 - self._distance(root) / self._leg,
+            cells=np.round(np.hstack([position / PLACE_STEP, up / TURN_STEP])).astype(int),
+            places=np.hstack([position, up]),
         )
 
 

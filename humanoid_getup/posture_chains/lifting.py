@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.rollouts import Experiment
+from humanoid_getup.posture_chains.move_player import measure_time_scale
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove, sample_moves
 from humanoid_getup.posture_chains.ways_up import HOLDING, SQUAT_TIME
@@ -53,53 +54,39 @@ class Lifting:
 
 
 def find_least_share(
-    world: World, moves: RandomMoves, scale: float, limit: TorqueLimit, shares: Sequence[float]
+    world: World, moves: RandomMoves, limit: TorqueLimit, shares: Sequence[float]
 ) -> float:
-    """Find the least share of a torque limit with which a robot rises from most of its squats.
+    """Find the first share of a torque limit with which a robot rises from most of its squats.
 
     Those are `MOST_SQUATS` of the squats from which it does under the limit; 1 if no share is
     enough.
-
-    Args:
-        moves: With the robot's squats.
-        scale: Times of the robot over those of OP3.
-        limit: Torque limit of every servo.
-        shares: Those to try, in this order.
     """
-    able = find_rises(world, moves, scale, limit)
+    able = find_rises(world, moves, limit)
     for share in shares:
-        if able.any() and find_rises(world, moves, scale, limit, share)[able].mean() >= MOST_SQUATS:
+        if able.any() and find_rises(world, moves, limit, share)[able].mean() >= MOST_SQUATS:
             return share
     return 1.0
 
 
 def find_rises(
-    world: World, moves: RandomMoves, scale: float, limit: TorqueLimit, share: float = 1.0
+    world: World, moves: RandomMoves, limit: TorqueLimit, share: float = 1.0
 ) -> NDArray[np.bool_]:
     """Find from which squats a robot rises with a share of a torque limit, undisturbed, (Q,)."""
     if not len(moves.squats):
         return np.zeros(0, dtype=bool)
-    rises = [_Rise(world, moves, squat, scale) for squat in range(len(moves.squats))]
+    rises = [_Rise(world, moves, squat) for squat in range(len(moves.squats))]
     scenarios = Scenarios.nominal(world, np.array([rise.start for rise in rises]), limit)
     scenarios.parameters.torque_limit[:] *= share
     targets = [rise.targets for rise in rises]
     return Outcome(Experiment(world).play(scenarios, targets, stop_early=True), world.robot).stood
 
 
-def check_lifting(
-    world: World, moves: RandomMoves, scale: float, limit: TorqueLimit
-) -> Lifting | None:
-    """Let a robot rise from a deep squat; None if it does, or does not for want of balance.
-
-    Args:
-        moves: With the robot's squats.
-        scale: Times of the robot over those of OP3.
-        limit: Torque limit of every servo.
-    """
+def check_lifting(world: World, moves: RandomMoves, limit: TorqueLimit) -> Lifting | None:
+    """Let a robot rise from a deep squat; None if it does, or does not for want of balance."""
     deep = np.flatnonzero(moves.squat_necks <= DEEP_ENOUGH)
     if not deep.size:
         return None
-    rise = _Rise(world, moves, int(deep[0]), scale)
+    rise = _Rise(world, moves, int(deep[0]))
     outcome = rise.play(limit, 1.0)
     if outcome.stood[0]:
         return None
@@ -116,9 +103,10 @@ def check_lifting(
 class _Rise:
     """The rise from one squat through the higher ones."""
 
-    def __init__(self, world: World, moves: RandomMoves, squat: int, scale: float) -> None:
+    def __init__(self, world: World, moves: RandomMoves, squat: int) -> None:
         self._world, self._experiment = world, Experiment(world, threads=1)
         robot, targets = world.robot, moves.squats.targets
+        scale = measure_time_scale(robot)
         self._full = float(robot.max_torque.max())
         self.start = place(robot, world.model, moves.squats.postures[squat])
         way = [

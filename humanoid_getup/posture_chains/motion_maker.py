@@ -22,7 +22,6 @@ from humanoid_getup.motions.optimization import (
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
 from humanoid_getup.posture_chains.lifting import check_lifting
-from humanoid_getup.posture_chains.move_player import measure_time_scale
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import KindNamer
@@ -304,5 +303,5 @@ def _make_moves(world: World, limit: TorqueLimit) -> RandomMoves | None:
     except ValueError:
         return None
     moves = RandomMoves(world.robot, np.random.default_rng(0))
-    is_weak = check_lifting(world, moves, measure_time_scale(world.robot), limit) is not None
+    is_weak = check_lifting(world, moves, limit) is not None
     return None if is_weak else moves

@@ -225,7 +225,7 @@ class MotionSearch:
     def _tell_weakness(self) -> None:
         """Tell which servo is too weak for a rise, or that servos have little to spare."""
         tools = self._discovery.tools
-        found = check_lifting(self._world, tools.moves, tools.player.scale, tools.settings.limit)
+        found = check_lifting(self._world, tools.moves, tools.settings.limit)
         if found is not None:
             self._monitor.tell(found.describe())
         elif self._discovery.is_weak:

@@ -2,9 +2,7 @@
 
 import re
 import shlex
-from pathlib import Path
 
-import pytest
 from document_pages import PAGES, list_commands, name_of
 from nonempty import nonempty
 from paths import REPOSITORY
@@ -12,14 +10,11 @@ from paths import REPOSITORY
 from humanoid_getup.commands.command_line import parse
 from humanoid_getup.commands.command_table import COMMANDS
 from humanoid_getup.motions.motion_database import load_database
-from robots import Robot
 
 LINES = sorted({(line, name_of(page)) for page in PAGES for line in list_commands(page)})
 
 
-def test_the_commands_of_the_documentation_are_understood(
-    op3: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_commands_of_the_documentation_are_understood(op3, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     motions = [known.name for known in load_database(op3).motions]
     for line, page in nonempty(LINES):

@@ -62,9 +62,7 @@ SERVO = ("--servos", "XL430-W250:1")
 
 
 @pytest.mark.realtime
-def test_a_loose_servo_gets_from_its_port_to_its_first_move(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_a_loose_servo_gets_from_its_port_to_its_first_move(tmp_path, capsys):
     link, out = tmp_path / "port", tmp_path / "out"
     at = ("--port", str(link))
     with serving(link, *SERVO) as bus:

@@ -82,9 +82,7 @@ def test_everything_lies_in_the_output_folder(risen: Path, report: dict, op3: Ro
     assert json.loads((risen / "figures.json").read_text()) == report
 
 
-def test_the_motion_of_a_rise_can_be_played_again(
-    risen: Path, tmp_path: Path, op3: Robot, capsys: pytest.CaptureFixture[str]
-):
+def test_the_motion_of_a_rise_can_be_played_again(risen, tmp_path, op3, capsys):
     motion = Motion.load(risen / "motion.npz")
     fallen = tmp_path / "fallen.json"
     fallen.write_text(format_posture(motion.posture(0), op3))
@@ -107,9 +105,7 @@ def test_a_motion_that_does_not_fit_the_fall_is_refused(world: World, tmp_path: 
     assert "it lies prone, the motion begins supine" in refused["reason"]
 
 
-def test_a_motion_plays_alike_through_the_command_and_from_the_library(
-    played: RiseResult, tmp_path: Path
-):
+def test_a_motion_plays_alike_through_the_command_and_from_the_library(played, tmp_path):
     figures = tmp_path / "figures.json"
     assert main(["play", SQUAT, "--json", str(figures)]) == 0
     report = json.loads(figures.read_text())
@@ -133,9 +129,7 @@ def test_the_rise_is_the_same_over_the_bus(risen: Path, report: dict, op3: Robot
 
 
 @pytest.mark.parametrize(("by_fault", "code"), [(True, 3), (False, 1)])
-def test_a_fault_of_the_hardware_has_its_own_exit_code(
-    played: RiseResult, world: World, tmp_path: Path, by_fault: bool, code: int
-):
+def test_a_fault_of_the_hardware_has_its_own_exit_code(played, world, tmp_path, by_fault, code):
     ended = replace(played, status=AttemptStatus.NEEDS_HELP, by_fault=by_fault)
     options: Any = with_json(PlayRequest)(motion=MOTION, json=str(tmp_path / "figures.json"))
     done = finish_rise(ended, None, world, options, RiseSettings())

@@ -114,9 +114,7 @@ def test_one_worker_is_this_process_and_two_are_others(workers: Executor):
     assert len(others) <= 2
 
 
-def test_an_error_of_a_piece_is_raised_as_it_is_or_if_it_cannot_travel_as_its_text(
-    workers: Executor,
-):
+def test_an_error_of_a_piece_is_raised_as_it_is_or_if_it_cannot_travel_as_its_text(workers):
     for executor in (workers, ThisProcess()):
         with pytest.raises(ValueError, match=r"^number is 7, expected another$"):
             do(executor, refuse, [7])
@@ -140,9 +138,7 @@ def test_what_pieces_report_arrives_while_they_are_done(tmp_path: Path):
         assert run(engine, report_until_seen, files, monitor=monitor) == [0, 0]
 
 
-def test_a_worker_that_differs_is_refused_by_what_differs(
-    workers: Executor, copied_op3: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_worker_that_differs_is_refused_by_what_differs(workers, copied_op3, monkeypatch):
     expected = Versions(program="another", libraries="another", robot="another")
     monkeypatch.setattr(Versions, "find", lambda _: expected)
     work = checked(square, workers, str(copied_op3))

@@ -180,9 +180,7 @@ class Pushed(Twin):
 
 @pytest.mark.parametrize("phase", [Phase.HOLDING, Phase.LYING_DOWN])
 @pytest.mark.parametrize("fault", [FaultKind.TOO_HOT, FaultKind.STALE_DATA])
-def test_a_robot_that_stands_or_lies_down_is_watched(
-    phase: Phase, fault: FaultKind, world: World, op3: Robot
-):
+def test_a_robot_that_stands_or_lies_down_is_watched(phase, fault, world, op3):
     phases: list[Phase] = []
 
     class Ailing(Twin):

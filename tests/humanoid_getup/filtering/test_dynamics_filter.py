@@ -98,52 +98,27 @@ def test_targets_stand_still_from_the_end_of_the_reference_on(world, rollouts):
 
 
 @pytest.mark.parametrize(
-    ("falls", "share", "by"), [((3, 7, 15), 13 / 16, "current"), ((0,), 0.0, "pwm")]
-)
-def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
-    world, fall, monkeypatch, falls, share, by
-):
-    checked = DynamicsFilter(world, torque_limit=TorqueLimit(2.0, by))
-    target = np.tile(fall.joint_pos, (200, 1))
-    stood = np.ones((1, 16), dtype=bool)
-    stood[0, list(falls)] = False
-    played = []
-
-    def compare(_, worlds, motions, *, give_up):
-        played.append((worlds, motions, give_up))
-        return SimpleNamespace(stood=stood, record=SimpleNamespace(duration=0.0))
-
-    monkeypatch.setattr(Experiment, "compare", compare)
-    assert checked.check(fall, target, np.random.default_rng(0)) == share
-    ((worlds, motions, give_up),) = played
-    assert motions == [target]
-    assert give_up
-    np.testing.assert_array_equal(worlds.starts[0], place(world.robot, world.model, fall))
-    assert len({row.tobytes() for row in worlds.starts}) == 16
-    assert worlds.parameters.limit_by.tolist() == [LIMIT_MODES.index(by)] * 16
-    assert np.all(worlds.parameters.torque_limit <= 2.0)
-    assert worlds.parameters.torque_limit[0] == 2.0
-    assert checked.count == 16
-
-
-@pytest.mark.parametrize(
     ("least", "falls", "share", "played"),
     [
+        (0.0, (3, 7, 15), 13 / 16, [16]),
+        (0.0, (0,), 0.0, [16]),
         (0.5, (1, 2, 3, 4, 5, 6, 7, 8), 0.5, [4, 12]),
         (0.5, (1, 2, 3, 4, 5, 6, 7, 8, 9), 0.0, [4, 12]),
         (0.9, (1, 2), 0.0, [4]),
-        (0.9, (1,), 15 / 16, [4, 12]),
-        (0.1, (0,), 0.0, [4]),
     ],
 )
-def test_a_check_ends_once_its_share_is_below_the_least(
+def test_a_check_is_the_share_of_sixteen_and_ends_below_the_least(
     world, fall, monkeypatch, least, falls, share, played
 ):
     """What stood in one world or another is the same as in a check to its end."""
-    checked = DynamicsFilter(world)
+    checked = DynamicsFilter(world, torque_limit=TorqueLimit(2.0, "current"))
     target, sizes, seen = np.tile(fall.joint_pos, (200, 1)), [], []
 
-    def compare(_, worlds, _motions, **_options):
+    def compare(_, worlds, motions, *, give_up):
+        assert give_up is (not seen), "a fall in the first world ends it"
+        assert motions == [target]
+        assert set(worlds.parameters.limit_by.tolist()) == {LIMIT_MODES.index("current")}
+        assert np.all(worlds.parameters.torque_limit <= 2.0)
         first, count = len(seen), len(worlds.starts)
         sizes.append(count)
         seen.extend(worlds.starts)
@@ -153,6 +128,7 @@ def test_a_check_ends_once_its_share_is_below_the_least(
     monkeypatch.setattr(Experiment, "compare", compare)
     assert checked.check(fall, target, np.random.default_rng(0), least=least) == share
     assert (sizes, checked.count) == (played, sum(played))
+    np.testing.assert_array_equal(seen[0], place(world.robot, world.model, fall))
     assert len({row.tobytes() for row in seen}) == sum(played)
 
 

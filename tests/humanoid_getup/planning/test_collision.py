@@ -101,19 +101,6 @@ def test_an_obstacle_is_hit_and_shrinks_when_loosened():
     assert not checker.is_free(posture)
 
 
-def test_a_robot_lifted_by_the_ground_must_not_hit_what_is_above_it():
-    ends = np.array([[-1.0, 0.0, 0.22], [1.0, 0.0, 0.22]])
-    roof = make_capsule("roof", ends[0], ends[1], 0.1)
-    high = Tolerances(max_lift=0.2)
-    open_air = CollisionChecker(ROBOT, FLAT_SCENE, high)
-    under_roof = CollisionChecker(ROBOT, Scene(name="roof", obstacles=(roof,)), high)
-    # The robot's top is 0.02 m high at its planned height and 0.17 m on the ground; the
-    # roof begins at 0.12 m.
-    deep = row(lying(depth=0.15))
-    assert open_air.is_free(deep)
-    assert not under_roof.is_free(deep)
-
-
 def test_rough_ground_lifts_a_robot_until_it_rests_on_it():
     world = World(ROBOT, "rough:hard")
     checker = CollisionChecker(ROBOT, world.scene, Tolerances(max_lift=0.5))

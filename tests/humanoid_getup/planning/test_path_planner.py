@@ -80,9 +80,7 @@ def depths(model: mujoco.MjModel, data: mujoco.MjData, posture: Posture) -> dict
     return found
 
 
-def test_every_fall_is_planned_from_start_to_goal(
-    plans: list[PathResult], starts: list[Posture], goals: list[Posture]
-):
+def test_every_fall_is_planned_from_start_to_goal(plans, starts, goals):
     assert len(plans) == 6
     for plan, start in zip(plans, starts, strict=True):
         assert plan.status is SearchStatus.SOLVED
@@ -94,9 +92,7 @@ def test_every_fall_is_planned_from_start_to_goal(
         assert turn < 1e-6
 
 
-def test_nothing_on_the_way_is_deeper_than_allowed_or_beyond_a_limit(
-    plans: list[PathResult], starts: list[Posture], goals: list[Posture]
-):
+def test_nothing_on_the_way_is_deeper_than_allowed_or_beyond_a_limit(plans, starts, goals):
     model = FLAT.compile(ROBOT)
     data = mujoco.MjData(model)
     ground = model.geom("ground").id
@@ -125,9 +121,7 @@ def pose(checker: CollisionChecker, start: Posture, goal: Posture) -> PosturePro
     return PostureProblem(checker, METRIC, start, goal, np.stack([start.position, goal.position]))
 
 
-def test_a_start_in_the_ground_and_a_goal_in_the_ground_are_distinguished(
-    checker: CollisionChecker, goals: list[Posture]
-):
+def test_a_start_in_the_ground_and_a_goal_in_the_ground_are_distinguished(checker, goals):
     sunk = replace(goals[0], position=goals[0].position - np.array([0.0, 0.0, 0.03]))
     rng = np.random.default_rng(0)
     start = plan_path(sunk, goals[0], checker, rng)
@@ -138,9 +132,7 @@ def test_a_start_in_the_ground_and_a_goal_in_the_ground_are_distinguished(
     assert goal.trajectory is None
 
 
-def test_a_spent_budget_is_an_answer_with_a_reason(
-    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
-):
+def test_a_spent_budget_is_an_answer_with_a_reason(checker, starts, goals):
     stingy = PathOptions(search=SearchOptions(max_edges=1), refine_edges=1)
     answer = plan_path(starts[0], goals[1], checker, np.random.default_rng(0), stingy)
     assert answer.status is SearchStatus.BUDGET_SPENT

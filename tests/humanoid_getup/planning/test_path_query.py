@@ -97,9 +97,7 @@ def found(world: World, supine: Posture, stops: list[Posture]) -> PathResult:
     return plan(world, supine, stops)
 
 
-def test_the_path_passes_through_every_key_in_order_and_rests_there(
-    op3: Robot, found: PathResult, stops: list[Posture]
-):
+def test_the_path_passes_through_every_key_in_order_and_rests_there(op3, found, stops):
     path = found.trajectory
     assert found.status is SearchStatus.SOLVED
     assert len(found.arrivals) == 2
@@ -114,9 +112,7 @@ def test_the_path_passes_through_every_key_in_order_and_rests_there(
         np.testing.assert_array_equal(still, still[:1].repeat(len(still), axis=0))
 
 
-def test_what_was_planned_before_a_leg_without_a_path_is_kept(
-    world: World, op3: Robot, supine: Posture, stops: list[Posture]
-):
+def test_what_was_planned_before_a_leg_without_a_path_is_kept(world, op3, supine, stops):
     joint_pos = op3.standing.joint_pos.copy()
     joint_pos[op3.joint_names.index("l_hip_roll")] = 0.5  # one leg in the other
     crossed = Posture(

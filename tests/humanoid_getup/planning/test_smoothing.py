@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from humanoid_getup.planning.smoothing import (
-    Curve,
     SpeedLimits,
     length,
     retime,
@@ -50,21 +49,6 @@ def test_no_joint_and_no_root_is_ever_faster_than_allowed(seed: int):
     middle = (time[:-1] > PACE.ease) & (time[1:] < time[-1] - PACE.ease)
     assert share[middle].min() > 0.97
     assert share[[0, -1]].max() < 0.02
-
-
-def kink(curve: Curve) -> float:
-    step = np.diff(curve.nodes[:, 4:], axis=0)
-    step = step[np.linalg.norm(step, axis=1) > 1e-9]
-    step /= np.linalg.norm(step, axis=1, keepdims=True)
-    return float(np.arccos(np.clip(np.sum(step[1:] * step[:-1], axis=1), -1.0, 1.0)).max())
-
-
-def test_a_rounded_path_has_no_kink():
-    for seed in range(5):
-        path = zigzag(seed)
-        assert kink(smooth(path, np.zeros(len(path)))) > 1.0
-        assert kink(smooth(path, np.full(len(path), 0.5))) < 0.5
-        assert kink(smooth(path, np.ones(len(path)))) < 0.5
 
 
 def test_a_corner_is_worked_out_by_hand():

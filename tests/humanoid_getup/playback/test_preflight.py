@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -224,17 +223,13 @@ def test_all_that_is_wrong_is_reported_at_once_refusals_first(world, motion, op3
         ({"voltage": 12.0, "temperature": math.nan}, "temperature is not finite"),
     ],
 )
-def test_what_is_no_measurement_is_bad_input(
-    world: World, motion: Motion, options: dict[str, Any], message: str
-):
+def test_what_is_no_measurement_is_bad_input(world, motion, options, message):
     with pytest.raises(ValueError, match=message):
         preflight(world, motion, **options)
 
 
 @pytest.mark.usefixtures("no_rollout")
-def test_the_command_passes_refuses_and_writes_its_figures(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], op3: Robot
-):
+def test_the_command_passes_refuses_and_writes_its_figures(tmp_path, capsys, op3):
     file = tmp_path / "verdict.json"
     assert COMMAND.run(Preflight(motion=QUICK, voltage=11.1, json=str(file))) == 0
     record = json.loads(file.read_text())

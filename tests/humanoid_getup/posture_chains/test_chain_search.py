@@ -103,24 +103,6 @@ def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(few_tools: ChainT
     assert few_tools.player.follow(stands, scenarios).lost.tolist() == [STANDS, 1]
 
 
-def test_a_move_that_leads_to_a_goal_and_presses_there_has_softer_targets(few_tools, world, lying):
-    """A leg is pressed against the other one, or goes back to where it was."""
-    robot, layout, player = world.robot, world.robot.layout(world.model), few_tools.player
-    held = np.clip(lying[layout.qpos], robot.lower, robot.upper)
-    begun, hip = player.describe(lying, held), robot.joint_names.index("l_hip_roll")
-    pressed = held.copy()
-    pressed[hip] = robot.upper[hip]
-    moves = [PostureMove(knots=to[None], duration=0.5, kind="test") for to in (held, pressed)]
-    ends = player.check([begun, begun], moves, 1)
-    assert ends.presses.tolist() == [[False], [True]]
-    goals = [ends.state(k, move.target) for k, move in enumerate(moves)]
-    stays, softer = player.lead([begun, begun], moves, goals, 2)
-    assert stays is moves[0]
-    assert softer is not None and held[hip] < softer.target[hip] < pressed[hip]
-    assert player.check([begun], [softer], 1).rests.all()
-    assert player.lead([begun], [moves[1]], [few_tools.ways_up.stance], 2) == [None]
-
-
 def test_one_seed_gives_one_search_with_any_number_of_threads(few_tools: ChainTools, lying: Array):
     found = []
     for threads in (1, 2):
@@ -184,9 +166,7 @@ def test_a_chain_is_traced_to_where_its_moves_end(player: MovePlayer, chain: Pos
     assert states[-1].progress > 0.9
 
 
-def test_postures_that_nothing_needs_are_skipped(
-    finder: ShortcutFinder, player: MovePlayer, chain: PostureChain, scenarios: Scenarios
-):
+def test_postures_that_nothing_needs_are_skipped(finder, player, chain, scenarios):
     shorter = finder.shorten(chain, scenarios)
     assert len(shorter.moves) < len(chain.moves)
     assert shorter.duration < chain.duration

@@ -57,16 +57,12 @@ def test_its_targets_keep_the_limits_and_end_at_rest(world: World, start: Postur
     np.testing.assert_allclose(resting, np.broadcast_to(resting[-1], resting.shape), atol=1e-12)
 
 
-def test_the_same_seed_finds_the_same_crawl_with_any_threads(
-    world: World, start: Posture, crawl: Crawl
-):
+def test_the_same_seed_finds_the_same_crawl_with_any_threads(world, start, crawl):
     again = search(world, start, threads=1)
     np.testing.assert_array_equal(again.target, crawl.target)
 
 
-def test_a_crawl_ends_before_a_servo_has_all_its_torque_for_long(
-    world: World, start: Posture, crawl: Crawl, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_crawl_ends_before_a_servo_has_all_its_torque_for_long(world, start, crawl, monkeypatch):
     """All servos have it after the first half, where that is tested."""
     begins = len(crawl.target) // 2
 
@@ -80,9 +76,7 @@ def test_a_crawl_ends_before_a_servo_has_all_its_torque_for_long(
     assert shorter.distance < AHEAD
 
 
-def test_a_crawl_that_is_played_has_the_place_and_heading_of_its_rollout(
-    world: World, start: Posture, crawl: Crawl
-):
+def test_a_crawl_that_is_played_has_the_place_and_heading_of_its_rollout(world, start, crawl):
     motion = make_crawl(world, start, crawl)
     truth = read_posture(world.robot, world.model, crawl.qpos[-2])
     assert not motion.rises

@@ -5,12 +5,8 @@ import pytest
 
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.posture_chains.features import StandMeter
-from humanoid_getup.posture_chains.moves import BalancedPostures
 from humanoid_getup.simulation.world import World
 from robots import quaternion
-from robots.body.limbs import Limbs
-from robots.body.squats import list_squats
-from robots.body.statics import Statics
 from robots.kinematics import place
 
 
@@ -38,21 +34,3 @@ def test_a_lifted_sole_and_a_lean_count_less(world: World, standing: np.ndarray)
     assert features.flatness[1] < 0.5 < features.flatness[0]
     assert features.progress[0] > features.progress[2] > 0.2
     assert features.cells.shape == (3, 6)
-
-
-def test_side_splits_are_farther_from_a_stand_than_a_squat_as_high(world: World):
-    robot, split = world.robot, world.robot.standing.joint_pos.copy()
-    for side, sign in (("l", 1.0), ("r", -1.0)):
-        split[robot.joint_names.index(f"{side}_hip_roll")] += sign * 1.0
-        split[robot.joint_names.index(f"{side}_ank_roll")] += sign * 1.0
-    squats = list_squats(Limbs(robot), Statics(robot))
-    angles = [split, *(squat.joint_pos for squat in squats)]
-    postures = BalancedPostures.at(robot, angles).postures
-    features = StandMeter(world).measure(
-        np.array([place(robot, world.model, posture) for posture in postures])
-    )
-    alike = 1 + int(np.argmin(np.abs(features.neck[1:] - features.neck[0])))
-    assert features.flatness[0] > 0.9
-    assert features.split[0] > 0.4
-    assert features.split[1:].max() < 0.05
-    assert features.progress[0] < features.progress[alike] - 0.15

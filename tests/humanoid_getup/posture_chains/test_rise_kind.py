@@ -5,7 +5,7 @@ import pytest
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
-from humanoid_getup.posture_chains.rise_kind import KindNamer, are_same, label_ways, sample_way
+from humanoid_getup.posture_chains.rise_kind import KindNamer
 from humanoid_getup.simulation.world import World
 from robots.kinematics import place
 
@@ -26,12 +26,3 @@ def name(world: World, motion: Motion) -> str:
 )
 def test_stored_motions_pass_what_they_are_named_after(world: World, motion: str, passed: str):
     assert name(world, find_motion(world.robot, motion)) == passed
-
-
-def test_a_motion_takes_its_own_way_and_not_that_of_another(world: World):
-    names = ("supine_sit_up_fast", "prone_push_up_gentle")
-    ways = [sample_way(find_motion(world.robot, each)) for each in names]
-    assert are_same(ways[0], ways[0] + 0.01)
-    assert not are_same(*ways)
-    labels = label_ways([ways[0], ways[0] + 0.01, ways[1]])
-    assert labels[0] == labels[1] != labels[2]

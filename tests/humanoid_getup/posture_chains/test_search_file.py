@@ -102,17 +102,13 @@ def test_a_search_goes_on_where_another_state_has_replaced_the_stance(world: Wor
         ("", ("prone",), 3, r"another choice of sides \(supine, now prone\)"),
     ],
 )
-def test_a_file_of_another_search_is_refused(
-    body: str, sides: Sequence[str], seed: int, message: str, saved: tuple[Path, ChainDiscovery]
-):
+def test_a_file_of_another_search_is_refused(body, sides, seed, message, saved):
     world = World(load_robot("op3", Body.parse(body)))
     with pytest.raises(ValueError, match=f"made with {message}"):
         read_search(saved[0], make_recipe(world, SMALL, sides, seed))
 
 
-def test_a_damaged_file_is_refused_in_one_line(
-    world: World, saved: tuple[Path, ChainDiscovery], tmp_path: Path
-):
+def test_a_damaged_file_is_refused_in_one_line(world, saved, tmp_path):
     broken = tmp_path / "broken.npz"
     broken.write_bytes(saved[0].read_bytes()[:-40])
     with pytest.raises(ValueError, match=r"damaged.*\(remove the file to begin again\)") as error:
@@ -120,9 +116,7 @@ def test_a_damaged_file_is_refused_in_one_line(
     assert "\n" not in str(error.value)
 
 
-def test_a_file_with_a_wrong_number_is_refused_in_one_line(
-    world: World, saved: tuple[Path, ChainDiscovery], tmp_path: Path
-):
+def test_a_file_with_a_wrong_number_is_refused_in_one_line(world, saved, tmp_path):
     with np.load(saved[0]) as arrays:
         sound = dict(arrays)
     rng, counts = json.loads(str(sound["rng"])), json.loads(str(sound["counts"]))
@@ -162,9 +156,7 @@ def rewrite(content: Any, keys: Sequence[str | int], value: object) -> str:
     return json.dumps(changed)
 
 
-def test_a_stand_that_is_not_held_does_not_end_the_ways_up(
-    world: World, saved: tuple[Path, ChainDiscovery]
-):
+def test_a_stand_that_is_not_held_does_not_end_the_ways_up(world, saved):
     restored = begin(world)
     restore(saved[0], restored)
     ups = restored.tools.ways_up

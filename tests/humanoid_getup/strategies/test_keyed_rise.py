@@ -56,9 +56,7 @@ def test_a_reachable_key_is_kept_and_the_robot_stands(plan: RisePlan):
     assert plan.figures().keys == [figures]
 
 
-def test_the_twin_passes_through_the_key_and_stands(
-    plan: RisePlan, planner: PlannedRise, propped: KeyPosture, world: World, start: Posture
-):
+def test_the_twin_passes_through_the_key_and_stands(plan, planner, propped, world, start):
     class Planned:
         world, torque_limit = planner.world, planner.torque_limit
 
@@ -88,9 +86,7 @@ def test_an_impossible_key_is_dropped_with_a_reason_and_the_robot_stands(world, 
 
 @settings(max_examples=10)
 @given(frames=st.lists(st.integers(0, 200), min_size=1, max_size=3))
-def test_a_motion_passes_through_its_own_frames_in_order(
-    world: World, op3: Robot, frames: list[int]
-):
+def test_a_motion_passes_through_its_own_frames_in_order(world, op3, frames):
     motion = find_motion(op3, "supine_roll_over")
     qpos = place_postures(op3, world.model, motion.position, motion.orientation, motion.joint_pos)
     passes = find_passes(world, qpos, [motion.posture(frame) for frame in sorted(frames)])

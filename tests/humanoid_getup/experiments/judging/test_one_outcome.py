@@ -64,9 +64,7 @@ def test_a_rollout_ends_as_it_does_on_the_twin(run: tuple[Array, Array, Outcome]
         assert getattr(rollout, figure) == pytest.approx(getattr(twin, figure), abs=0.02), figure
 
 
-def test_an_early_stop_changes_no_figure_of_the_way_up(
-    world: World, run: tuple[Array, Array, Outcome], rollout: Outcome
-):
+def test_an_early_stop_changes_no_figure_of_the_way_up(world, run, rollout):
     start, targets, _ = run
     record = play(world, Scenarios.nominal(world, start), targets[None, :-HELD], stop_early=True)
     early = Outcome(record.take(0), world.robot)
@@ -76,9 +74,7 @@ def test_an_early_stop_changes_no_figure_of_the_way_up(
 
 
 @pytest.mark.train
-def test_training_judges_a_rollout_as_it_is(
-    op3: Robot, run: tuple[Array, Array, Outcome], rollout: Outcome
-):
+def test_training_judges_a_rollout_as_it_is(op3, run, rollout):
     physics = pytest.importorskip("sim2real.environment.physics.training_simulation")
     from sim2real.environment.physics.training_world import build_training_world
 

@@ -115,15 +115,6 @@ def test_progress_falls_with_height_tilt_and_contacts(tiny: Robot):
     assert of(0.9, np.pi, False) == of(-0.1, 0.0, False) == 0.0, "upside down, or in a hole"
 
 
-def test_a_run_that_was_stopped_stood_by_what_stopped_it(tiny: Robot):
-    """Of three runs of 40 samples, one was stopped at rest in a stand, one as it failed."""
-    outcome = judge(
-        tiny, 40, 3, settled=np.array([True, False, False]), failed=np.array([False, True, False])
-    )
-    assert outcome.stood.tolist() == [True, False, False]
-    assert outcome.stand_time == pytest.approx([PERIOD, np.nan, np.nan], nan_ok=True)
-
-
 def test_torque_along_a_motion_drives_and_torque_against_it_brakes(tiny: Robot):
     torque, velocity = np.zeros((4, 2)), np.ones((4, 2))
     torque[1], torque[2], torque[3] = [1.5, -0.5], [-3.0, 0.2], [0.0, -2.5]

@@ -26,11 +26,6 @@ def test_the_commands_of_the_documentation_are_understood(op3, tmp_path, monkeyp
         assert not motion or motion.endswith(".npz") or motion in motions, (line, page)
 
 
-def test_the_commands_of_a_page_are_found():
-    lines = list_commands(REPOSITORY / "docs/how-to/virtual_bus.md")
-    assert {"bus", "servo", "doctor", "rise"} <= {line.split()[1] for line in lines}
-
-
 def test_every_command_of_the_program_is_in_the_reference():
     reference = (REPOSITORY / "docs/reference/command_line.md").read_text("utf-8")
     assert len(COMMANDS) >= 40

@@ -143,11 +143,6 @@ def target(op3):
     return middle + 0.3 * half * np.sin(phase)
 
 
-def test_no_variation_changes_nothing(op3, target):
-    same = Variation.of(np.zeros(Variation.size(op3))).apply(target, target[0], op3)
-    np.testing.assert_allclose(same, target, atol=1e-12)
-
-
 def test_a_pair_of_joints_moves_as_its_own_mirror_image(op3):
     directions = pair_directions(op3)
     assert len(directions) == 7  # arms: two and an elbow; legs: two hips, a knee and an ankle

@@ -22,13 +22,6 @@ def test_the_line_falls_with_supply_and_speed(op3: Robot, share: float):
     assert not find_saturation(op3, 0.98 * half, -speed, voltage).any(), "it brakes"
 
 
-def test_a_servo_at_its_no_load_speed_is_not_saturated_by_hardly_any_torque(op3: Robot):
-    """There the line is at 0: a twentieth of the stall torque counts at least."""
-    speed = 1.1 * op3.max_velocity
-    assert not find_saturation(op3, 0.04 * op3.max_torque, speed, op3.supply_voltage).any()
-    assert find_saturation(op3, 0.06 * op3.max_torque, speed, op3.supply_voltage).all()
-
-
 def test_a_torque_drives_or_brakes_and_never_both():
     torque, velocity = np.array([2.0, -3.0, 4.0, -5.0, 6.0]), np.array([1.0, -1.0, -1.0, 1.0, 0.0])
     apart = split_torque(torque, velocity)

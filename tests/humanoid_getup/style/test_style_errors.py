@@ -117,13 +117,6 @@ def test_only_a_robot_that_has_deviating_its_curves_begins_again(op3, tracker):
     assert first * PERIOD > MOST_DEVIATION_TIME
 
 
-def test_curves_that_begin_far_from_a_robot_do_not_help_it(op3, tracker):
-    prone = load_style("push-up", op3).curves[2]
-    again = go_on(tracker, lambda *_: prone)
-    assert not any(len(ids) for ids in again)
-    assert tracker.time == pytest.approx([len(again) * PERIOD] * 2)
-
-
 def test_a_robot_that_stands_is_not_asked_to_lie_down(op3):
     tracker, curves = CurveTracker(op3, 2), load_style("long-sit", op3).curves[0]
     tracker.features = np.array([ON_ITS_BACK, [0.97, 1.5, 1.6]])

@@ -15,7 +15,6 @@ from humanoid_getup.style.style import (
     load_any_style,
     load_style,
     read_style,
-    write_style,
 )
 from robots.body.parts import leg_length
 
@@ -51,17 +50,6 @@ def test_of_all_styles_a_robot_follows_the_one_that_turns_it_least(op3):
     for features, name in (([0.3, 1.5, 0.3], "long-sit"), ([0.2, 1.6, 2.9], "push-up")):
         chosen = every.choose(np.array(features))
         assert any(np.array_equal(chosen.points, c.points) for c in load_style(name, op3).curves)
-
-
-def test_a_written_style_reads_back(op3, tmp_path):
-    style, file = load_style("sit-up", op3), tmp_path / "mine.toml"
-    write_style(style, op3, file)
-    again = read_style(file, op3)
-    assert (again.name, again.about) == ("mine", style.about)
-    for one, other in zip(again.curves, style.curves, strict=True):
-        assert one.start == other.start
-        assert one.points == pytest.approx(other.points, abs=1e-3)
-        assert one.duration == pytest.approx(other.duration, abs=1e-3)
 
 
 def test_durations_are_scaled_by_the_square_root_of_the_legs(op3, tmp_path):

@@ -145,17 +145,6 @@ def test_a_shape_of_no_size_is_left_out(tmp_path: Path, size: str):
     assert source.notes == (f"link a: a box of size {size} is left out, expected more than 0",)
 
 
-def test_all_problems_come_at_once():
-    found = problems_of(
-        ('name="knee"', 'name="hip"'), ("1.5", "-1"), ('name="trunk"', 'name="leg"')
-    )
-    for message in (
-        *("2 joints are named 'hip', expected a name of its own", "has a mass of -1 kg"),
-        "2 links are named 'leg', expected a name of its own",
-    ):
-        assert message in "; ".join(found)
-
-
 @pytest.mark.parametrize(
     "parts",
     [

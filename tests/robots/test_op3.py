@@ -80,14 +80,6 @@ def test_standing_has_level_soles_on_the_ground_and_its_mass_over_them():
     assert abs(com[1]) < 1e-3
 
 
-def test_no_link_overlaps_another_at_zero_and_in_the_stance():
-    for joint_pos in (np.zeros(OP3.n), OP3.standing.joint_pos):
-        posture = Posture(
-            position=np.array([0.0, 0.0, 1.0]), orientation=quaternion.IDENTITY, joint_pos=joint_pos
-        )
-        assert configured(posture).ncon == 0
-
-
 MESHES = SHARED / "models" / "op3-mesh"
 pytestmark = pytest.mark.skipif(not MESHES.exists(), reason="needs the mesh model in ../shared")
 

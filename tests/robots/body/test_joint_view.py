@@ -7,7 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.body.body_plan import BodyPlan, list_rising, list_segments
+from robots.body.flat_soles import FlatSoles, Foot
 from robots.body.joint_view import JointView, LimbEnds
+from robots.body.limb import Leg
+from robots.body.links import gather_links
 
 MODEL = """<mujoco><worldbody><body pos="0 0 1"><freejoint/><geom size="0.1"/>
   <body><joint name="elbow" axis="0 1 0"/>{forearm}</body>
@@ -82,3 +85,28 @@ def test_segments_are_head_feet_and_the_rest_and_a_rise_moves_what_bends_limbs(s
     assert by_name["left_shank_joint"] == "other"
     parts = ("shoulder", "upper_arm", "forearm", "thigh", "shank", "ankle")
     assert list_rising(small, 0.0 * small.lower) == tuple(f"left_{part}_joint" for part in parts)
+
+
+WELDED = """<mujoco><worldbody><body name="torso"><freejoint/><geom size="0.1"/>
+  <body name="pack"><geom size="0.1"/><site name="badge"/><body name="flap">
+    <joint pos="0 0 0.02" axis="1 0 0"/><geom size="0.1"/></body></body>
+</body></worldbody></mujoco>"""
+
+
+def test_a_link_has_what_is_welded_to_it_and_is_anchored_at_its_joint():
+    model = mujoco.MjModel.from_xml_string(WELDED)
+    torso = gather_links(model, model.body("torso").id)
+    assert [model.body(body).name for body in torso.bodies] == ["torso", "pack"]
+    assert (len(torso.geoms), len(torso.sites), torso.anchor().tolist()) == (2, 1, [0.0] * 3)
+    (flap,) = torso.children
+    assert flap.anchor().tolist() == [0.0, 0.0, 0.02]
+
+
+def test_a_foot_in_front_of_the_other_is_off_by_the_stride(small: BodyPlan):
+    looked(small)
+    pairs = zip(small.legs, small.soles, strict=True)
+    legs = [Leg(small.view, joints, small.model.site(sole).id) for joints, sole in pairs]
+    feet = [Foot.stand(leg) for leg in legs]
+    soles = FlatSoles(view=small.view, feet=feet, length=0.3, stride=0.06)
+    _, errors = soles.measure(0.3)  # parallel soles, each in place, stride, balance
+    assert errors[:12] == pytest.approx([*np.zeros(11), -0.06 / 0.3], abs=1e-9)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -10,171 +9,81 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from humanoid_getup.filtering.candidate import Candidate, CandidateRollout
-from humanoid_getup.motions.course import Course
-from humanoid_getup.motions.motion import Motion, Trajectory
-from humanoid_getup.motions.motion_database import Connection, KeyPosture, MotionDatabase
-from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.path_planner import REST, PathOptions, place_stops, plan_via
-from humanoid_getup.planning.rrt_blossom import SearchStatus
-from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.filtering.candidate import CandidateRollout
+from humanoid_getup.motions.motion_database import KeyPosture
+from humanoid_getup.planning.path_planner import REST
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.approach import KeyRoutes
 from humanoid_getup.strategies.free_rise import SLOWDOWN
-from humanoid_getup.strategies.key_record import (
-    CLOSE_TILT,
-    KeyFigures,
-    KeyPass,
-    KeyRecord,
-    find_passes,
-)
+from humanoid_getup.strategies.plan import KeyFigures, KeyRecord
 from humanoid_getup.strategies.rise_search import FoundRise, RiseSearch, SearchTools
-from robots import Posture
+from robots import Posture, quaternion
 from robots.quaternion import Array
 
-STRETCHES = 2  # stored motions that may lead to a key, beside the path straight to it
-CONNECTIONS = 2  # motions that may be joined after the last key
-MOST_WAYS = 8  # combinations that are planned
-CHECKS = 60_000  # postures that the search for one path may check
+CLOSE_JOINT = 0.1  # rad; largest joint error of a key posture that counts as kept
+CLOSE_TILT = 0.35  # rad between the directions of gravity in the torso, likewise
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeyPass:
+    """The instant at which a robot comes closest to a key posture."""
+
+    frame: int
+    joint_error: Array
+    """Key posture minus joint angles [rad], (n,)."""
+    tilt: float
+    """Angle between the directions of gravity in the two torso frames [rad]."""
+
+    @property
+    def largest(self) -> float:
+        """Return the largest joint error [rad]."""
+        return float(np.abs(self.joint_error).max())
+
+    @property
+    def distance(self) -> float:
+        """Return the distance of the posture from the key; up to 1 the key is kept."""
+        return max(self.largest / CLOSE_JOINT, self.tilt / CLOSE_TILT)
+
+    @property
+    def is_kept(self) -> bool:
+        """Return whether the key counts as kept."""
+        return self.distance <= 1.0
+
+
+def find_passes(world: World, qpos: Array, keys: Sequence[Posture]) -> list[KeyPass]:
+    """Find the times at which a robot is closest to each of several key postures, in order.
+
+    Of all ordered instants those are taken whose distances have the least sum. MuJoCo positions
+    have the shape (T, nq), one row for each control period.
+    """
+    layout = world.robot.layout(world.model)
+    error = np.array([key.joint_pos - qpos[:, layout.qpos] for key in keys])  # (K, T, n)
+    gravity = quaternion.gravity_in_body(qpos[:, layout.root_orientation])
+    down = np.array([key.gravity_b for key in keys])
+    tilt = np.arccos(np.clip(down @ gravity.T, -1.0, 1.0))  # (K, T)
+    distance = np.maximum(np.abs(error).max(axis=2) / CLOSE_JOINT, tilt / CLOSE_TILT)
+    frames = _pick_in_order(distance)
+    return [
+        KeyPass(frame=frame, joint_error=error[k, frame], tilt=float(tilt[k, frame]))
+        for k, frame in enumerate(frames)
+    ]
+
+
+def _pick_in_order(distance: Array) -> list[int]:
+    """Pick non-decreasing columns in the rows of (K, T) with the smallest sum."""
+    total = np.zeros_like(distance)
+    before = np.zeros(distance.shape[1])
+    for k, row in enumerate(distance):
+        total[k] = row + before
+        before = np.minimum.accumulate(total[k])
+    frames, last = list[int](), distance.shape[1] - 1
+    for row in total[::-1]:
+        last = int(np.argmin(row[: last + 1]))
+        frames.append(last)
+    return frames[::-1]
+
+
 RESTS = (REST, 0.0)  # s at each key: where none stands that rests, some may that go on
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """A stretch of a stored motion that leads from near one posture to near another."""
-
-    motion: Motion
-    first: int
-    last: int
-    distance: float
-    """Posture metric from the one posture to its first frame and from its last to the other."""
-
-
-def find_stretches(
-    database: MotionDatabase, start: Posture, key: Posture, count: int
-) -> list[Stretch]:
-    """Find the stretch of each stored motion that leads most closely from start to key.
-
-    They begin at an entry frame.
-    """
-    metric, found = database.metric, list[Stretch]()
-    for motion in database.rising:
-        far = metric.distance(key.orientation, key.joint_pos, motion.orientation, motion.joint_pos)
-        last = int(np.argmin(far))
-        entries = motion.entry_frames[motion.entry_frames < last]
-        if len(entries) == 0:
-            continue
-        near = metric.distance(
-            start.orientation,
-            start.joint_pos,
-            motion.orientation[entries],
-            motion.joint_pos[entries],
-        )
-        row = int(np.argmin(near))
-        found.append(
-            Stretch(
-                motion=motion,
-                first=int(entries[row]),
-                last=last,
-                distance=float(far[last] + near[row]),
-            )
-        )
-    return sorted(found, key=lambda stretch: stretch.distance)[:count]
-
-
-class KeyRoutes:
-    """Plans ways from a start through key postures to a stored motion.
-
-    A path of postures alone rolls no robot over and sits none up; a stored motion does. So a key
-    posture is approached on a path, or by the motion that passes nearest to it.
-    """
-
-    def __init__(
-        self,
-        world: World,
-        database: MotionDatabase,
-        rng: np.random.Generator,
-        monitor: ProgressMonitor,
-    ) -> None:
-        self._world, self._database, self._rng = world, database, rng
-        self._monitor = monitor
-        self._checker = CollisionChecker(world.robot, world.scene)
-        self._options = PathOptions(max_checks=CHECKS)
-        self.reason = ""
-        """Why the last way without a path has none."""
-
-    def plan(self, start: Posture, keys: Sequence[KeyPosture], rest: float) -> list[Candidate]:
-        """Plan candidates that rest at each key for a time [s].
-
-        Each key is approached on a path, or by one of the stored motions that lead there; after
-        the last one the nearest of them are joined.
-        """
-        ways, before = list[list[Stretch | None]](), start
-        for key in keys:
-            stretches = find_stretches(self._database, before, key.posture, STRETCHES)
-            ways.append([None, *stretches])
-            before = key.posture
-        near = self._database.select(keys[-1].posture, CONNECTIONS)
-        combined = itertools.product(near, itertools.product(*ways))
-        if rest == 0.0:  # first, continuations of the motion that led to the last key
-            swings = [
-                (Connection(way[-1].motion, way[-1].last, 0.0), way)
-                for way in itertools.product(*ways)
-                if way[-1] is not None
-            ]
-            combined = itertools.chain(swings, combined)
-        combined = itertools.islice(combined, MOST_WAYS)
-        found = (self._plan_way(start, keys, way, last, rest) for last, way in combined)
-        return [candidate for candidate in found if candidate is not None]
-
-    def _plan_way(
-        self,
-        start: Posture,
-        keys: Sequence[KeyPosture],
-        way: Sequence[Stretch | None],
-        joined: Connection,
-        rest: float,
-    ) -> Candidate | None:
-        names = ", ".join(key.name for key in keys)
-        self._monitor.begin(f"planning a path through {names} to {joined.motion.name}")
-        robot, period = self._world.robot, self._world.robot.control_period
-        path, course = None, Course.at(start)
-        for key, stretch in zip(keys, way, strict=True):
-            if stretch is not None:
-                first = self._go(course, stretch.motion.posture(stretch.first))
-                if first is None:
-                    return None
-                path, course = self._begin(path, course, first)
-                course = course.play(stretch.motion, stretch.first, stretch.last, period)
-            leg = self._go(course, key.posture)
-            if leg is None:
-                return None
-            path, course = self._begin(path, course, leg)
-            course = course.rest(rest, period)
-        leg = self._go(course, joined.posture)
-        if leg is None or path is None:
-            return None
-        course = course.follow(leg, robot).play(joined.motion, joined.frame, None, period)
-        whole = Connection(course.to_motion(joined.motion, period), 0, joined.distance)
-        return Candidate(path=path, connection=whole)
-
-    def _begin(
-        self, path: Trajectory | None, course: Course, leg: Trajectory
-    ) -> tuple[Trajectory, Course]:
-        """Take the first leg as the path of the candidate, and follow the later ones."""
-        if path is None:
-            return leg, Course.at(leg.posture(-1))
-        return path, course.follow(leg, self._world.robot)
-
-    def _go(self, course: Course, goal: Posture) -> Trajectory | None:
-        """Plan a path from the end of a course; ``None`` without one."""
-        (stop,) = place_stops(self._world, [goal], course.end)
-        if stop is None:
-            self.reason = "there is no place for it at the robot or beside it"
-            return None
-        found = plan_via(course.end, [stop], self._checker, self._rng, self._options)
-        if found.status is not SearchStatus.SOLVED:
-            self.reason = f"no path: {found.reason}"
-        return found.trajectory
 
 
 CORRECTIONS = 3  # times that targets are shifted by the error at each key

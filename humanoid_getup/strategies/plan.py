@@ -11,6 +11,7 @@ from typing import Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from drivers import State
 from humanoid_getup.experiments.judging.outcome import Outcome
@@ -20,9 +21,33 @@ from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.key_record import KeyFigures, KeyRecord
 from humanoid_getup.style.curve_tracker import StyleFigures
 from robots import Posture, TorqueLimit
+
+
+class KeyFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """Result of a key posture in a plan, under report.json's keys."""
+
+    name: str
+    kept: bool
+    time_s: float | None = None
+    """Time at which the motion passes it; ``None`` if it does not."""
+    largest_joint_error_rad: float | None = None
+    """Largest joint error at that instant of the undisturbed rollout."""
+    tilt_error_rad: float | None = None
+    """Tilt error of the torso at that instant."""
+    reason: str = ""
+    """Reason why it was dropped; empty if it was kept."""
+    played_joint_error_rad: float | UnsetType | None = UNSET
+    """Largest joint error in the rise itself; unset if only the plan is known."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeyRecord:
+    """A key posture, and its result in a plan."""
+
+    posture: Posture
+    figures: KeyFigures
 
 
 class RolloutFigures(msgspec.Struct, frozen=True, kw_only=True):

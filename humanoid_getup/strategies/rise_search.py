@@ -14,7 +14,7 @@ from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import Approach, MotionFinder
-from humanoid_getup.strategies.key_record import KeyRecord
+from humanoid_getup.strategies.plan import KeyRecord
 from robots import Posture
 
 if TYPE_CHECKING:

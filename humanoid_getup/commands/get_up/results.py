@@ -44,7 +44,8 @@ from humanoid_getup.reporting.report import (
 from humanoid_getup.reporting.video import save_video
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.key_record import KeyFigures, find_passes
+from humanoid_getup.strategies.keyed_rise import find_passes
+from humanoid_getup.strategies.plan import KeyFigures
 from robots.storage.encoding import to_json
 from robots.storage.files import describe, write_atomically
 

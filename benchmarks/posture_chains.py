@@ -18,9 +18,9 @@ import tyro
 
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
-from humanoid_getup.posture_chains.lifting import find_rises
 from humanoid_getup.posture_chains.motion_maker import SHARES, MadeMotion
 from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.ways_up import find_rises
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, load_robot
 from robots.storage.encoding import to_json

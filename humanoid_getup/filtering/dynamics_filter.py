@@ -17,9 +17,7 @@ from humanoid_getup.filtering.search import TargetSearch, coarsen
 from humanoid_getup.filtering.separation import MARGINS, Separation
 from humanoid_getup.filtering.tracking import (
     FIRST_HOLD,
-    LimbMap,
     Tracker,
-    Yielding,
 )
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference, PreferenceName
@@ -83,7 +81,6 @@ class DynamicsFilter:
         """Rollouts for this plan."""
         self.searched = 0.0
         """Time that searches have simulated for this plan [s]."""
-        self._limbs = LimbMap.of(world)
         self._root = world.robot.layout(world.model).root_qpos
         self._fit = GroundFit(world)
         self._search = TargetSearch(
@@ -102,11 +99,9 @@ class DynamicsFilter:
     def roll_out(self, start: Posture, candidates: list[Candidate]) -> list[CandidateRollout]:
         """Track every candidate from the start posture, at rest."""
         self._monitor.begin(f"tracking {len(candidates)} candidates in physics")
-        world = self.world
         references = [self._refer(c) for c in candidates]
-        yielding = Yielding(world.robot, self.torque_limit, len(candidates))
-        assistance = self.assistance * np.array([c.assistance for c in candidates])
-        tracker = Tracker(world, self._limbs, start, references, candidates, assistance, yielding)
+        limit, assistance = self.torque_limit, self.assistance
+        tracker = Tracker(self.world, start, references, candidates, assistance, limit)
         record = self._play_nominal(start, len(candidates), tracker, self._coarse)
         return self._read(record, candidates, tracker.moving, tracker.joined)
 

@@ -56,13 +56,8 @@ class Separation:
         """Return shifts of the first joint targets [rad], each (length, n), to choose from.
 
         They differ in how long they fade, and in whether the other side of the body moves
-        likewise. The last target is not shifted: a rise ends in the stance.
-
-        Args:
-            qpos: MuJoCo positions of the rollout, one row for each control period, (T, nq).
-            overlap: Depth of self-penetration [m], (T,).
-            length: Number of targets that are shifted.
-            margin: Distance that shall remain [m].
+        likewise. The last target is not shifted: a rise ends in the stance. The rollout had MuJoCo
+        positions (T, nq) and depths of self-penetration (T,) [m]; a margin [m] shall remain.
         """
         touches = self._find_touches(qpos, overlap)
         left = (length - 1 - np.arange(length)) * self._robot.control_period

@@ -39,19 +39,19 @@ class LimbMap:
     def of(world: World) -> LimbMap:
         """Read the map from a world's model."""
         model, robot = world.model, world.robot
+
+        def find_limb(body: int) -> int:
+            while body not in roots:
+                body = int(model.body_parentid[body])
+            return roots.index(body)
+
         body = np.array([int(model.joint(name).bodyid[0]) for name in robot.joint_names])
         roots = [model.body(name).id for name in world.limbs]
-        limb = np.array([roots.index(_ancestor(model.body_parentid, b, roots)) for b in body])
+        limb = np.array([find_limb(b) for b in body])
         mass = float(model.body_subtreemass[model.body(robot.torso).id])
         return LimbMap(
             limb=limb, body=body, mass_share=model.body_subtreemass[body] / mass, mass=mass
         )
-
-
-def _ancestor(parent: np.ndarray, body: int, roots: list[int]) -> int:
-    while body not in roots:
-        body = int(parent[body])
-    return body
 
 
 def compute_force(
@@ -154,15 +154,15 @@ class Tracker:
     def __init__(
         self,
         world: World,
-        limbs: LimbMap,
         start: Posture,
         references: list[Reference],
         candidates: list[Candidate],
-        assistance: Array,
-        yielding: Yielding,
+        assistance: float,
+        limit: TorqueLimit,
     ) -> None:
+        """Prepare to track; ``assistance`` is a factor on that of each candidate."""
         robot = world.robot
-        self._limbs, self._robot, self._ground = limbs, robot, world.scene.ground
+        self._limbs, self._robot, self._ground = LimbMap.of(world), robot, world.scene.ground
         self._torso = robot.layout(world.model).torso
         self._period = robot.control_period
         self._rows = np.arange(len(references))
@@ -175,7 +175,8 @@ class Tracker:
         self._reference = np.concatenate([target, com, velocity], axis=2)
         self._joined = np.array([r.joined for r in references])
         self._begins = np.array([r.begins for r in references])
-        self._assistance, self._yielding = assistance[:, None], yielding
+        self._assistance = assistance * np.array([[c.assistance] for c in candidates])
+        self._yielding = Yielding(robot, limit, len(candidates))
         slowdown = [c.slowdown or NO_SLOWDOWN for c in candidates]
         self._tolerance, self._band, self._slowest = np.array(
             [(p.tolerance, p.band, p.slowest) for p in slowdown]

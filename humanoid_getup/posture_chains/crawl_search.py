@@ -73,14 +73,9 @@ class CrawlSearch:
     ) -> Crawl | None:
         """Find a crawl from a posture at rest to a place, or as near to it as is found.
 
-        There is none if none leads nearer in all disturbed worlds.
-
-        Args:
-            start: Where the robot lies.
-            distance: Maps positions of the torso [m], (..., 3), to distances [m], (...).
-            near: Distance that is near enough [m].
-            budget: Time that may be simulated [s].
-            rng: Of the moves.
+        There is none if none leads nearer in all disturbed worlds. ``distance`` maps positions of
+        the torso (..., 3) to distances (...) [m], of which ``near`` is near enough; the budget is
+        simulated time [s].
         """
         meter = PlaceMeter(self._world, distance)
         player = MovePlayer(self._world, meter, rng, limit=self._limit, threads=self._threads)

@@ -18,11 +18,11 @@ from humanoid_getup.posture_chains.chain_search import (
     ChainTools,
     SearchSettings,
 )
-from humanoid_getup.posture_chains.lifting import find_least_share
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, list_shares
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import are_same, sample_way
+from humanoid_getup.posture_chains.ways_up import find_least_share
 from humanoid_getup.simulation.world import World
 
 SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as well

@@ -21,11 +21,11 @@ from humanoid_getup.motions.optimization import (
 )
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
-from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import KindNamer
 from humanoid_getup.posture_chains.shortening import WORLDS, Shortener, make_keyframes
+from humanoid_getup.posture_chains.ways_up import check_lifting
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit

@@ -233,11 +233,9 @@ class MovePlayer:
         return list(map(self.describe, [chain.start, *ends], targets))
 
     def follow(self, ends: Sequence[RestingState], scenarios: Scenarios) -> Followed:
-        """Play M whole chains in K scenarios of their start.
+        """Play M whole chains, given by their ends, in K scenarios of their start.
 
-        Args:
-            ends: Stands at the ends of M chains from one start.
-            scenarios: The first is undisturbed, and played in the world's own physics steps.
+        The first is undisturbed, and played in the world's own physics steps.
         """
         paths = [end.path for end in ends]
         targets = self._sample([path[0] for path in paths], [end.chain.moves for end in ends])

@@ -22,7 +22,6 @@ from humanoid_getup.motions.motion_database import MOTION_FOLDER, list_found, li
 from humanoid_getup.playback.preflight import preflight_stored
 from humanoid_getup.posture_chains.chain_search import ChainTools, SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
-from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
 from humanoid_getup.posture_chains.search_file import (
     describe_search,
@@ -30,6 +29,7 @@ from humanoid_getup.posture_chains.search_file import (
     read_search,
     restore_search,
 )
+from humanoid_getup.posture_chains.ways_up import check_lifting
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit

@@ -7,10 +7,10 @@ import pytest
 from made_up_states import make_state
 
 from humanoid_getup.posture_chains.features import StandMeter
-from humanoid_getup.posture_chains.lifting import check_lifting, find_least_share
 from humanoid_getup.posture_chains.move_player import Arrivals, MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove
+from humanoid_getup.posture_chains.ways_up import check_lifting, find_least_share
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.kinematics import lowest_points, place

@@ -12,6 +12,8 @@ for package in ("robots", "drivers", "humanoid_getup"):
     for module in pkgutil.walk_packages(path, f"{package}."):
         if module.name.startswith("humanoid_getup.policy.foreign."):
             continue  # of the extra `policies`; `policy import` alone imports them
+        if module.name == "humanoid_getup.commands.motions.harvest_policy":
+            continue  # of policies; `motions discover POLICY` alone imports it
         try:
             importlib.import_module(module.name)
         except ModuleNotFoundError as error:

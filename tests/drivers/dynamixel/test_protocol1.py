@@ -33,7 +33,7 @@ PUBLISHED = [
 
 
 def test_instructions_are_the_published_bytes_and_are_read_back():
-    for packet, published in PUBLISHED:
+    for packet, published in nonempty(PUBLISHED):
         assert PROTOCOL_1.encode(packet) == bytes.fromhex(published)
         assert PROTOCOL_1.parse_instructions().feed(bytes.fromhex(published)) == [packet]
 

@@ -5,6 +5,7 @@ import pytest
 from authored import load_robot_keyframes
 from hypothesis import given
 from hypothesis import strategies as st
+from nonempty import nonempty
 
 from humanoid_getup.experiments.disturbances import USUAL, Scenarios
 from humanoid_getup.experiments.falls import classify
@@ -160,7 +161,7 @@ def test_a_preference_counts_most_what_it_is_named_after():
     """Beside a share of what is usual: 3 s, 4 N·m, 0.5 N·m, 0.3 m/s."""
     usual = make_figures(3.0, 4.0, 0.5, 0.3, 0.0)
     names = {"stand_time": "time", "rms_torque": "torque", "neck_delta_v": "impact"}
-    for figure, name in names.items():
+    for figure, name in nonempty(names.items()):
         cost = Preference.of(name).cost
         less = {f: replace(usual, **{f: 0.9 * getattr(usual, f)}) for f in names}
         spared = {f: cost(usual)[0] - cost(fewer)[0] for f, fewer in less.items()}

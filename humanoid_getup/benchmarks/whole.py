@@ -279,25 +279,17 @@ class Whole:
         """Return what makes the strategy of a method under a limit, once."""
         return cache(lambda method, limit: self.methods[method](limit))
 
-    def rise(self, piece: CappedRise) -> MeasuredRise:
-        """Rise by a method under a cap."""
-        return measure_rise(self.make(piece.method, piece.cap.limit), piece.rise)
-
-    def disturb(self, piece: DisturbedFall) -> list[MeasuredRise]:
-        """Rise from a fall in every way under every disturbance."""
-        assert self.disturbed is not None
-        changes = {case: DISTURBANCES[case] for case in self.disturbances}
-        return self.disturbed.measure(piece.fall, piece.number, self.seed, changes)
-
     def do(
         self, piece: Piece, threads: int = 0
     ) -> MeasuredRise | MotionSummary | list[MeasuredRise]:
         """Do a rise, a motion, or a disturbed fall."""
         if isinstance(piece, CappedRise):
-            return self.rise(piece)
+            return measure_rise(self.make(piece.method, piece.cap.limit), piece.rise)
         if isinstance(piece, MotionPiece):
             return measure_motion(self.world, piece, threads=threads)
-        return self.disturb(piece)
+        assert self.disturbed is not None
+        changes = {case: DISTURBANCES[case] for case in self.disturbances}
+        return self.disturbed.measure(piece.fall, piece.number, self.seed, changes)
 
 
 def sample_by_class(world: World, each: int, seed: int) -> FallsByClass:

@@ -44,7 +44,6 @@ class AttemptManager:
     """
 
     def __init__(self, session: Session, strategy: Strategy, *, max_attempts: int = 3) -> None:
-        """Prepare to get the robot of a session up, by the plans of a strategy."""
         if max_attempts < 1:
             raise ValueError(f"max_attempts is {max_attempts}, expected 1 or more")
         scene = session.world.scene
@@ -168,7 +167,10 @@ class AttemptManager:
             verdict = attempt.verdict
             if controller is not None or verdict is None or len(refused) + 1 == MOST_PLANS:
                 return attempt, controller
-            has_tipped = not verdict.passed and self._has_tipped(posture)
+            has_tipped = False
+            if not verdict.passed:  # since it was planned for
+                now = self._estimate(self._measure()).orientation
+                has_tipped = measure_tilt(now, posture.orientation) > FAR_TILT
             if not has_tipped and not (verdict.another_may_pass and plan.status in SEARCHED):
                 return attempt, None
             refused.append(plan)
@@ -183,10 +185,6 @@ class AttemptManager:
         if refused:
             text += f", plan {refused + 1}: the preflight refused the one before"
         return text
-
-    def _has_tipped(self, planned_for: Posture) -> bool:
-        """Return whether the robot has tipped over since it was planned for."""
-        return measure_tilt(self._locate().orientation, planned_for.orientation) > FAR_TILT
 
     def _judge(self, plan: RisePlan, state: State) -> tuple[Attempt, Supervisor | None]:
         """Run the preflight of a plan, and that of the way down after its stand."""

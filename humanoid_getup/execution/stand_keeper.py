@@ -49,7 +49,6 @@ class StandKeeper:
     """
 
     def __init__(self, session: Session) -> None:
-        """Prepare to keep the stand of a robot."""
         self._session, self._guard = session, session.guard
         self._limit = session.torque_limit.value
         self._sent: Command | None = None

@@ -66,7 +66,9 @@ class Drops:
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Let robots settle from MuJoCo positions (N, nq) at rest; return as `drop` does."""
         sim, world, qpos = self._sim, self.world, qpos.copy()
-        hold = _count_sample_steps(sim)
+        # The fewest control periods that make a whole number of physics steps.
+        steps = Fraction(sim.robot.control_period / sim.model.opt.timestep)
+        hold = steps.limit_denominator(1000).numerator
         sim.set_parameters(sim.everyone, DomainParameters.nominal(world, sim.n, torque_limit=0.0))
         sim.place(sim.everyone, qpos)
         sample_time = hold * world.model.opt.timestep
@@ -81,12 +83,6 @@ class Drops:
             moving = moving[(speed >= settled_speed) | sim.diverged[moving]]
         settled = ~np.isin(sim.everyone, moving)
         return qpos, settled
-
-
-def _count_sample_steps(sim: VecSim) -> int:
-    """Count the physics steps of the fewest control periods that make a whole number of them."""
-    steps = Fraction(sim.robot.control_period / sim.model.opt.timestep).limit_denominator(1000)
-    return steps.numerator
 
 
 class DropSampler:

@@ -165,7 +165,8 @@ def _sample(
                 posture = region.move(posture, rng)
                 if clearance.measure_overlap(place(world.robot, world.model, posture)) > RESTING:
                     continue
-            if found is None or not _lies_as_it_should(world.scene, posture, found):
+            starts = world.scene.starts
+            if found is None or (starts and not any(s.accepts(posture, found) for s in starts)):
                 continue
             key = _count_as(found, counts)
             if wanted.get(key, 0) > 0:
@@ -188,10 +189,6 @@ def _choose(scene: Scene, wanted: dict[str, int]) -> list[StartRegion]:
             f"scene '{scene.name}' has no start {', '.join(sorted(lacking))}, expected {classes}"
         )
     return starts
-
-
-def _lies_as_it_should(scene: Scene, posture: Posture, start_class: str) -> bool:
-    return not scene.starts or any(s.accepts(posture, start_class) for s in scene.starts)
 
 
 def _count_as(start_class: str, counts: dict[str, int]) -> str:

@@ -158,7 +158,8 @@ class Experiment:
             return self._track(self._begin(scenarios), source)
         if stop_early:
             return self._play_until_known(self._begin(scenarios), source, give_up=give_up)
-        pieces = _cut_all(_hold_all(source))
+        targets = _hold_all(source)
+        pieces = (targets[:, first : first + LONG] for first in range(0, targets.shape[1], LONG))
         return join_records(list(self.play_pieces(scenarios, lambda: next(pieces, None))))
 
     def play_pieces(self, scenarios: Scenarios, source: PieceSource) -> Iterator[Record]:
@@ -290,11 +291,6 @@ def _hold_all(targets: Array | Sequence[Array]) -> Array:
         return targets
     at = np.arange(max(len(target) for target in targets))
     return np.array([target[np.minimum(at, len(target) - 1)] for target in targets])
-
-
-def _cut_all(targets: Array) -> Iterator[Array]:
-    """Cut targets (N, T, n) into pieces."""
-    return (targets[:, first : first + LONG] for first in range(0, targets.shape[1], LONG))
 
 
 def _fill(before: Record, rows: Ids, played: Record) -> Record:

@@ -56,7 +56,6 @@ class ActionFile:
     """An action file."""
 
     def __init__(self, path: Path) -> None:
-        """Read a file."""
         self.path, size = path, PAGES * PAGE_SIZE
         self._content = read_bounded(path, size)
         if len(self._content) != size:

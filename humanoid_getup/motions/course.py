@@ -178,11 +178,8 @@ def record_motion(
 ) -> Motion:
     """Make a motion from sent targets and recorded postures.
 
-    Args:
-        start: Where it was at the start.
-        target: Targets at each control period [rad], (T, n).
-        qpos: MuJoCo positions at the end of each control period, (T or more, nq).
-        fields: All else of the motion.
+    Targets at each control period [rad] are (T, n), the MuJoCo positions at its end
+    (T or more, nq); ``fields`` are all else of the motion.
     """
     robot, went = world.robot, qpos[: len(target) - 1]
     return Motion.through(

@@ -82,12 +82,8 @@ def make_keyframes(
 ) -> ImportedKeyframes:
     """Make keyframes of a sequence; a rise ends in the stance, which follows its last key.
 
-    Args:
-        sequence: Keys of this robot.
-        name: Name of the motion; by default the sequence's.
-        start_class: Posture class from which it starts.
-        end_class: How it ends.
-        clip: Move angles that are out of range to its end, instead of refusing them.
+    Without a name they have the sequence's; with ``clip`` angles that are out of range are moved
+    to its end, instead of refused.
     """
     name = name or re.sub(r"[^\w.-]+", "_", sequence.name).lstrip(".") or "imported"
     if not NAME.fullmatch(name):
@@ -157,17 +153,9 @@ def guess_start(world: World, keyframes: Keyframes) -> Trial:
     if np.abs(keyframes.keys[0] - stance).max() <= IN_STANCE:
         return try_out(world, replace(keyframes, start_class=STANDING))
     trials = [try_out(world, replace(keyframes, start_class=side)) for side in CLASSES]
-    lying = [trial for trial in trials if _starts_as_it_says(trial)]
+    root = world.robot.layout(world.model).root_orientation
+    lying = [t for t in trials if classify(t.start[root]) == t.keyframes.start_class]
     squat = try_out(world, replace(keyframes, start_class="squat"))
-    best = max(lying, key=_rank, default=squat)
+    best = max(lying, key=lambda trial: (trial.succeeded, trial.progress), default=squat)
     # Upright, nearly any keys seem to rise: it counts only where lying down none does.
     return squat if squat.succeeded and not best.succeeded else best
-
-
-def _starts_as_it_says(trial: Trial) -> bool:
-    root = trial.world.robot.layout(trial.world.model).root_orientation
-    return classify(trial.start[root]) == trial.keyframes.start_class
-
-
-def _rank(trial: Trial) -> tuple[bool, float]:
-    return trial.succeeded, trial.progress

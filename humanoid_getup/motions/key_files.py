@@ -123,11 +123,6 @@ class _Trajectory:
     points: tuple[_Point, ...]
 
 
-def is_trajectory(content: object) -> bool:
-    """Tell whether the content of a file is a trajectory, or a goal with one."""
-    return isinstance(content, dict) and (GOAL in content or "points" in content)
-
-
 def load_trajectory(path: Path, robot: Robot) -> KeySequence:
     """Read a trajectory as keys of a robot; of many points, those that matter.
 
@@ -253,10 +248,10 @@ def load_animation(path: Path, robot: Robot) -> KeySequence:
         content = parse_file(path, "JSON", json.loads)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
-    if is_trajectory(content):
-        return load_trajectory(path, robot)
     if not isinstance(content, dict):
         raise ValueError(f"{path}: expected an object with keyframes")
+    if GOAL in content or "points" in content:
+        return load_trajectory(path, robot)
     animation = read_table(_Animation, content, "", problems)
     given = [name for keyframe in animation.keyframes for name in keyframe.goals]
     unknown = [name for name in dict.fromkeys(given) if name not in robot.joint_names]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -115,43 +116,32 @@ class _Reader:
         if len(self.problems) > before:
             return None
         keyframes = _build_keyframes(row, changes, self._robot)
-        self.problems += self._find_out_of_range(keyframes)
+        beyond = find_out_of_range(keyframes.keys, self._robot)
+        self.problems += [f"motion {shown(row.name)}: {text}" for text in beyond]
         return keyframes
 
     def _resolve(self, row: _Row, number: int) -> list[_Change]:
         """Find the joints named by a key, which is counted from 1."""
         key, place = row.keys[number - 1], f"motion {shown(row.name)}: key number {number}: "
         changes: list[_Change] = []
+        names = self._robot.joint_names
         for table in TABLES:
-            known = self._list_names(table)
+            known = {joint_name: joint for joint, joint_name in enumerate(names)}
+            expected: Sequence[str] = names
+            if table in PAIRED:
+                known = self._sides.by_name
+                expected = [self._sides.name(joint) for joint in self._sides.left]
             given: dict[str, float] = getattr(key, table)
             unknown = [name for name in given if name not in known]
-            expected = self._expected if table in PAIRED else self._robot.joint_names
             wrong = name_unknown_joints(unknown, expected)
             self.problems += [f"{place}{table}: {text}" for text in wrong]
             found = [_Change(table, known[name], given[name]) for name in given if name in known]
             twice = [joint for joint, n in Counter(c.joint for c in found).items() if n > 1]
             self.problems += [
-                f"{place}{table}: joint '{self._robot.joint_names[joint]}' is there twice"
-                for joint in twice
+                f"{place}{table}: joint '{names[joint]}' is there twice" for joint in twice
             ]
             changes += found
         return changes
-
-    def _list_names(self, table: str) -> dict[str, int]:
-        if table in PAIRED:
-            return self._sides.by_name
-        return {name: joint for joint, name in enumerate(self._robot.joint_names)}
-
-    @property
-    def _expected(self) -> list[str]:
-        return [self._sides.name(joint) for joint in self._sides.left]
-
-    def _find_out_of_range(self, keyframes: Keyframes) -> list[str]:
-        return [
-            f"motion {shown(keyframes.name)}: {text}"
-            for text in find_out_of_range(keyframes.keys, self._robot)
-        ]
 
 
 @dataclass(frozen=True)

@@ -65,9 +65,7 @@ class Retargeting:
 def adapt(motion: Motion, robot: Robot, retargeting: Retargeting | None = None) -> Motion:
     """Return a motion for the body that a robot has: its own, or retargeted from the original.
 
-    Args:
-        motion: Made for the robot's original body, or for the one that it has.
-        retargeting: Of this robot, where many motions are adapted.
+    Where many motions are adapted, they share a retargeting.
     """
     made_for, body = str(motion.provenance.get(BODY, "")), str(robot.body)
     if made_for == body:

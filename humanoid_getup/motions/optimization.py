@@ -71,7 +71,6 @@ class SearchLog:
     """The generations of a search, stored in a ledger."""
 
     def __init__(self, ledger: Ledger) -> None:
-        """Read the generations of a ledger."""
         self._ledger = ledger
         problems: list[str] = []
         self.generations = [

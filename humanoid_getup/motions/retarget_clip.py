@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from humanoid_getup.motions.motion import (
     MAX_DURATION,
     NO_END,
     STANDING,
-    EndClass,
     Motion,
     StartClass,
     Trajectory,
@@ -86,7 +84,6 @@ class ClipRetargeter:
     """
 
     def __init__(self, robot: Robot) -> None:
-        """Prepare for a robot."""
         self.robot, self._limbs, self._trunk = robot, Limbs(robot), Trunk(robot)
 
     def retarget(
@@ -213,11 +210,12 @@ class ClipRetargeter:
     def _make_motion(
         self, poses: Trajectory, name: str, clip: Clip, time: Array, *, is_finished: bool
     ) -> Motion:
+        end = self._classify(poses, -1)
         return Motion(
             name=name,
             robot=self.robot.name,
             start_class=self._classify(poses, 0),
-            end_class=STANDING if is_finished else self._classify_end(poses),
+            end_class=STANDING if is_finished else NO_END if end == "squat" else end,
             strategy="motion capture",
             time=poses.time,
             position=poses.position,
@@ -239,10 +237,6 @@ class ClipRetargeter:
         is_high = poses.position[frame, 2] >= STANDING_HEIGHT * self.robot.standing.position[2]
         is_upright = quaternion.tilt(poses.orientation[frame]) < UPRIGHT
         return "standing" if is_high and is_upright else "squat"
-
-    def _classify_end(self, poses: Trajectory) -> EndClass | Literal["other"]:
-        end = self._classify(poses, -1)
-        return NO_END if end == "squat" else end
 
 
 def _choose_frames(clip: Clip, begin: float, end: float) -> Frames:

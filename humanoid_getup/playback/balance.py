@@ -11,7 +11,7 @@ import numpy as np
 from drivers import State
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.world import World
-from robots import Robot, quaternion
+from robots import quaternion
 from robots.kinematics import GravitySense, imu_in_torso, place
 from robots.quaternion import Array
 
@@ -54,7 +54,6 @@ class Balance:
     """
 
     def __init__(self, world: World, motion: Motion, gains: BalanceGains = GAINS) -> None:
-        """Prepare to balance a motion that ends standing."""
         self._robot, self._gains = world.robot, gains
         self._sense_gravity = GravitySense(imu_in_torso(world.robot, world.model))
         self._time = motion.time - motion.time[0]
@@ -62,7 +61,9 @@ class Balance:
         self._stance_b = quaternion.gravity_in_body(world.robot.standing.orientation)  # (3,)
         self._turn = _differentiate(motion)  # (T, 3)
         self._share = _share(world, motion, gains)  # (T,)
-        self._ankles = find_ankles(world) * _find_eases(world.robot)  # (2, n)
+        robot = world.robot  # joints that follow their targets soon are corrected by less
+        ease = np.minimum(robot.torque_speed_slope / robot.position_gain / LAG, 1.0)  # (n,)
+        self._ankles = find_ankles(world) * ease  # (2, n)
         self._reach = world.robot.max_velocity * world.robot.control_period
 
     def reset(self, held: Array) -> None:
@@ -128,12 +129,6 @@ def find_ankles(world: World) -> Array:
             # The foot stays, so the torso turns against the joint.
             ankles[axis, ankle] = -np.sign(axes[ankle, axis])
     return ankles
-
-
-def _find_eases(robot: Robot) -> Array:
-    """Find the factors on corrections of joints that follow their targets soon, (n,)."""
-    lag = robot.torque_speed_slope / robot.position_gain
-    return np.minimum(lag / LAG, 1.0)
 
 
 def _find_chain(world: World, body: int) -> list[int]:

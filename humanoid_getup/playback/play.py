@@ -214,12 +214,8 @@ def play(
 ) -> tuple[RunReport, Outcome_co]:
     """Run a controller to its end and judge the run; torque is off afterwards.
 
-    Args:
-        controller: Moves the robot.
-        guard: Robot, closed before and after.
-        judge: Judge of this run alone.
-        realtime: Whether to pace the cycles by the wall clock.
-        on_cycle: Called with every cycle.
+    The guard is closed before and after, the judge is that of this run alone, and ``realtime``
+    paces the cycles by the wall clock.
 
     Raises:
         KeyboardInterrupt: if the run was interrupted.

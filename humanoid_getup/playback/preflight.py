@@ -128,9 +128,7 @@ def preflight(
     the motion and from the rollout.
 
     Args:
-        motion: Motion to judge.
         voltage: Supply at the servos [V].
-        torque_limit: Of the servos.
         temperature: Present temperature of the servos [°C], (n,) or a number for all.
         start: Posture of the lying robot as measured; ``None`` where it is not yet.
         balanced: Whether a rise is played with feedback, as by `supervise_motion`.

@@ -75,8 +75,10 @@ def measure(
     at_rest = find_rest(world, motion.posture(0)) if start is None else start
     balance = make_balance(world, motion) if balanced else None
     outcome, overlap = _roll_out(world, motion, at_rest, voltage, torque_limit, balance)
-    at_start = _find_overlap(world, at_rest, mujoco.MjData(world.model))
-    deepest = np.maximum(overlap, _find_deepest(world, motion))
+    data, frames = mujoco.MjData(world.model), range(0, len(motion.time), OVERLAP_STRIDE)
+    at_start = _find_overlap(world, at_rest, data)
+    own = [_find_overlap(world, motion.posture(k), data) for k in frames]
+    deepest = np.max([overlap, *own], axis=0)
     stall = robot.max_torque * voltage / robot.nominal_voltage
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
     torque = outcome.record.torque
@@ -162,13 +164,6 @@ def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array
         if np.any(above + AMBIENT_TEMPERATURE > find_max_temperature(robot)):
             return first + AMBIENT_TEMPERATURE, rises
     return first + AMBIENT_TEMPERATURE, None
-
-
-def _find_deepest(world: World, motion: Motion) -> Array:
-    """Find the greatest overlap of each pair of links in the motion's own postures [m]."""
-    data = mujoco.MjData(world.model)
-    frames = range(0, len(motion.time), OVERLAP_STRIDE)
-    return np.max([_find_overlap(world, motion.posture(k), data) for k in frames], axis=0)
 
 
 def _find_overlap(world: World, posture: Posture, data: mujoco.MjData) -> Array:

@@ -143,7 +143,6 @@ def build_action_spec(
     return home by themselves.
 
     Args:
-        robot: Robot whose joints move.
         together: One joint of each mirrored pair with a number that moves both sides alike.
         apart: One joint of each pair with a number that moves both sides oppositely.
         homing: One joint of each pair that returns home by itself although a number moves it.

@@ -70,7 +70,6 @@ class OnnxPolicy:
         longest: float = LONGEST,
         style: Style | None = None,
     ) -> None:
-        """Prepare to run a policy that fits the robot; :meth:`load` checks it."""
         self.robot, self.contract, self.longest = robot, contract, longest
         self.style = style
         """Style to follow; ``None`` for a policy that follows none."""

@@ -36,7 +36,6 @@ class StyleFollower:
     """Follows a style from one policy step to the next."""
 
     def __init__(self, robot: Robot, choose: StyleChoice, n: int = 1) -> None:
-        """Prepare for ``n`` robots, each on chosen curves."""
         self._choose, self._tracker, self._n = choose, CurveTracker(robot, n), n
         self.reset()
 

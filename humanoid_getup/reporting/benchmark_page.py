@@ -11,7 +11,7 @@ import numpy as np
 
 from humanoid_getup.benchmarks.motions import MotionSummary
 from humanoid_getup.benchmarks.rise import RefusableSummary
-from humanoid_getup.benchmarks.whole import CapSummary, Conditions, WholeBench
+from humanoid_getup.benchmarks.whole import CapSummary, WholeBench
 from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary
 from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 
@@ -163,11 +163,13 @@ def _write_pictures(result: WholeBench) -> list[str]:
 
 def _list_conditions(result: WholeBench) -> list[tuple[str, str]]:
     about = result.conditions
+    servos = ", ".join(f"{count} × {name}" for name, count in about.servos.items())
+    programs = f"humanoid-getup {about.humanoid_getup}, MuJoCo {about.mujoco}"
     return [
         ("robot", f"{result.robot}, {about.body or 'original'} body"),
         ("mass", f"{about.mass_kg:.2f} kg"),
         ("standing neck height", f"{about.neck_height_m:.3f} m"),
-        ("servos", f"{_list_servos(about)}; {about.joints} joints"),
+        ("servos", f"{servos}; {about.joints} joints"),
         ("stall torque of the strongest", f"{about.stall_torque_nm:.2f} N·m"),
         ("supply", f"{about.supply_v:g} V"),
         ("torque caps act on", about.limit_by),
@@ -175,18 +177,8 @@ def _list_conditions(result: WholeBench) -> list[tuple[str, str]]:
         ("ground", about.scene),
         ("seed", str(result.seed)),
         ("falls of each class", str(result.n)),
-        ("programs", _name_programs(about)),
+        ("programs", f"{programs}, Python {about.python}"),
     ]
-
-
-def _list_servos(about: Conditions) -> str:
-    """List the servos of a robot, with the count of each type."""
-    return ", ".join(f"{count} × {name}" for name, count in about.servos.items())
-
-
-def _name_programs(about: Conditions) -> str:
-    """Name the programs of a benchmark, with their versions."""
-    return f"humanoid-getup {about.humanoid_getup}, MuJoCo {about.mujoco}, Python {about.python}"
 
 
 def _name_cap(case: CapSummary) -> str:

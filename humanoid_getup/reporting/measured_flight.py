@@ -59,11 +59,6 @@ def place_measured(world: World, record: FlightRecord, report: ReplayReport) -> 
     apart, as when the twin falls and the robot does not, what touches the ground stays where it
     is, so that the robot does not slide with its twin. What a log lacks, such as the angle of a
     servo that was silent, is the twin's.
-
-    Args:
-        world: Its world.
-        record: Flight log of T cycles.
-        report: Its replay.
     """
     layout, twin = world.robot.layout(world.model), report.twin_qpos
     angles = record.state["joint_pos"]
@@ -116,16 +111,12 @@ def _find_orientation(world: World, record: FlightRecord, twin: Array) -> Array:
     if not known.any():
         return twin
     torso = torso_orientation(world.robot, world.model, quaternion.normalize(measured[known]))
-    turn = _find_yaw(torso[0], twin[known][0])
+    # The rotation about the vertical that takes the first one as near to the twin's as any.
+    w, _, _, z = quaternion.multiply(twin[known][0], quaternion.inverse(torso[0]))
+    turn = quaternion.from_yaw(2.0 * np.arctan2(z, w))
     orientation = twin.copy()
     orientation[known] = quaternion.multiply(turn, torso)
     return orientation
-
-
-def _find_yaw(p: Array, q: Array) -> Array:
-    """Find the rotation about the vertical, (4,), that takes p (4,) as near to q (4,) as any."""
-    w, _, _, z = quaternion.multiply(q, quaternion.inverse(p))
-    return quaternion.from_yaw(2.0 * np.arctan2(z, w))
 
 
 class CutKind(Enum):

@@ -165,7 +165,6 @@ def replay(
     continues with the last command.
 
     Args:
-        record: Flight log.
         twin: A fresh twin of the robot, in its scene, with its supply.
         start: Posture of the robot at the first cycle, at rest.
         threshold: Difference of a joint or of the tilt that counts as divergence [rad].

@@ -108,7 +108,6 @@ class WatchedRobot:
     """Sees each cycle of a limp robot; any thread may ask for its figures."""
 
     def __init__(self, world: World) -> None:
-        """Prepare; nothing was seen yet."""
         self._robot = robot = world.robot
         self._mounting = imu_in_torso(robot, world.model) if robot.imu_site else None
         self._directions = find_directions(robot)

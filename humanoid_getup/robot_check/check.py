@@ -63,7 +63,7 @@ def check_robot(robot: Robot, report: Callable[[str], None] = lambda _: None) ->
         findings += check_hold(world)
         unchecked = ()
     report("its motions")
-    findings += check_readiness(robot)
+    findings += [_check_motions(robot), _check_policies(robot)]
     return RobotCheck(findings=tuple(findings), squats=tuple(squats), unchecked=unchecked)
 
 
@@ -88,12 +88,6 @@ def _check_ability(limbs: Limbs, statics: Statics, squats: list[Squat]) -> Itera
 
 
 LYING = ("supine", "prone", "left", "right")
-
-
-def check_readiness(robot: Robot) -> Iterator[CheckFinding]:
-    """Find the sides from which a robot has motions, and its policies."""
-    yield _check_motions(robot)
-    yield _check_policies(robot)
 
 
 def _check_motions(robot: Robot) -> CheckFinding:
@@ -174,9 +168,7 @@ def _name_stops(limbs: Limbs, squat: Squat) -> str:
 def check_strength(robot: Robot, stance: Array, squats: Sequence[Squat]) -> Iterator[CheckFinding]:
     """Compare torques with those of the servos at the robot's supply, a finding a joint.
 
-    Args:
-        stance: Torques that hold the stance [N·m], (n,).
-        squats: Those in which it was looked at.
+    ``stance`` are the torques that hold the stance [N·m], (n,).
     """
     has = robot.max_torque * robot.supply_voltage / robot.nominal_voltage
     drives = robot.strength > 0.0
@@ -214,12 +206,9 @@ def check_strength(robot: Robot, stance: Array, squats: Sequence[Squat]) -> Iter
 
 
 def check_arms(limbs: Limbs, weight: float, lowest_neck: float) -> Iterator[CheckFinding]:
-    """Find limits of a robot's arms.
+    """Find limits of the arms of a robot of a weight [N].
 
-    Args:
-        limbs: Of the robot.
-        weight: Of the robot [N].
-        lowest_neck: Share of its height to which the neck comes down in a squat.
+    ``lowest_neck`` is the share of its height to which the neck comes down in a squat.
     """
     drives = limbs.robot.strength > 0.0
     bending = [limbs.all[name] for name in ARMS if name in limbs.all]

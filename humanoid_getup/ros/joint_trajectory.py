@@ -42,11 +42,8 @@ class JointTrajectory:
     def of(cls, motion: Motion, robot: Robot, approach: float) -> JointTrajectory:
         """Sample the servo targets of a motion each control period.
 
-        The derivatives are central differences; at both ends the joints rest.
-
-        Args:
-            motion: Motion of this robot.
-            approach: Time of the first point [s], in which joints go to it from where they are.
+        The derivatives are central differences; at both ends the joints rest. In the time of the
+        first point, ``approach`` [s], joints go to it from where they are.
         """
         period = robot.control_period
         count = 1 + math.ceil(motion.duration / period - ROUNDING)
@@ -66,7 +63,7 @@ class JointTrajectory:
 
     def to_yaml(self, *, goal: bool = False) -> str:
         """Write the message, or the goal of `FollowJointTrajectory` with it, as YAML."""
-        names = ", ".join(map(_quote, self.joint_names))
+        names = ", ".join(msgspec.json.encode(name).decode() for name in self.joint_names)
         lines = [f"joint_names: [{names}]", "points:", *map(_write_point, self._list_points())]
         if goal:
             lines = ["trajectory:", *(f"  {line}" for line in lines)]
@@ -96,10 +93,6 @@ def _format(values: Array, digits: int) -> list[list[str]]:
     """Write numbers without exponent: YAML 1.1 takes 1e-05 for a text."""
     rounded = np.round(values, digits) + 0.0  # no -0
     return [[f"{value:.{digits}f}" for value in row] for row in rounded.tolist()]
-
-
-def _quote(name: str) -> str:
-    return msgspec.json.encode(name).decode()
 
 
 def _write_point(point: tuple[dict[str, int], dict[str, list[str]]]) -> str:

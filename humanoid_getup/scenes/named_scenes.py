@@ -191,7 +191,7 @@ def read_scene(file: Path, robot: Robot, name: str | None = None) -> Scene:
 
 
 def read_scene_table(file: Path) -> SceneTable:
-    """Read a scene file; raises as `read_scene`."""
+    """Read a scene file."""
     problems: list[str] = []
     try:
         toml = load_toml(file)
@@ -278,12 +278,9 @@ def list_scenes() -> list[NamedScene]:
 
 
 def load_scene(name: str, robot: Robot, seed: int = 0) -> Scene:
-    """Load a scene by name, or from a TOML file.
+    """Load a scene by name, such as flat, slope:10 or rough:easy, or from a TOML file.
 
-    Args:
-        name: Such as flat, slope:10, rough:easy or my_scene.toml.
-        robot: Whose legs give the unit of its sizes.
-        seed: Of rough ground.
+    The robot's legs give the unit of its sizes; the seed is that of rough ground.
     """
     kind, has_parameter, parameter = name.partition(":")
     if name.endswith(SUFFIX):

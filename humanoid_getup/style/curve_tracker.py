@@ -69,11 +69,7 @@ class CurveTracker(SavedArrays):
     def enter(self, ids: NDArray[np.int_], pieces: Array, duration: Array, time: Array) -> None:
         """Start some robots at times on curves, blended from their measured features.
 
-        Args:
-            ids: Which robots, (m,).
-            pieces: Their curves, (m, 8, 4, 3).
-            duration: Of the curves [s], (m,).
-            time: When on the curve they are [s], (m,).
+        Those of ``ids``, (m,), are on curves (m, 8, 4, 3) of durations [s], at times [s], (m,).
         """
         self._curves.enter(ids, pieces, duration, self.features[ids], time)
         self.time[ids], self._deviating[ids] = time, 0.0

@@ -215,12 +215,8 @@ class CurveTargets(SavedArrays):
     ) -> None:
         """Start some robots at times on curves.
 
-        Args:
-            ids: Which robots, (m,).
-            pieces: Their curves, (m, 8, 4, 3).
-            duration: Of the whole curves [s], (m,).
-            measured: Features of the robots, (m, 3).
-            time: When on the curve they are [s], (m,).
+        Those of ``ids``, (m,), measure features (m, 3), and are on curves (m, 8, 4, 3) of whole
+        durations [s], at times [s], (m,).
         """
         self._pieces[ids], self.duration[ids], self._entered[ids] = pieces, duration, time
         self._offset[ids] = measured - evaluate(pieces, np.clip(time / duration, 0.0, 1.0))

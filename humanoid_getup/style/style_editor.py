@@ -104,10 +104,7 @@ class StyleEditor:
     def move_point(self, feature: int, point: int, value: float) -> StyleCurves:
         """Return the chosen curves with another value of one control point; nothing is changed.
 
-        Args:
-            feature: Number of the feature, from 0, in the order of the features.
-            point: Number of the control point, from 0.
-            value: As a share of standing, or [rad].
+        Features and points are numbered from 0; values are shares of standing, or [rad].
         """
         if not (0 <= feature < COUNT and 0 <= point < POINTS):
             raise ValueError(f"there is no point {point + 1} of curve {feature + 1}")

@@ -226,7 +226,6 @@ class JointJudge:
     """Judges a run without an orientation: figures of the joints, but no stand."""
 
     def __init__(self, robot: Robot, torque_limit: float | None) -> None:
-        """Judge under a torque limit [N·m]."""
         self._robot, self._limit = robot, torque_limit
         self._states: list[State] = []
 

@@ -53,12 +53,8 @@ def judge_lying(
 ) -> Lying:
     """Judge records of T samples that are a period [s] apart.
 
-    Args:
-        orientation: Of the torso, (..., T, 4).
-        joint_pos: Joint angles [rad], (..., T, n).
-        neck_height: Height of the neck [m], (..., T).
-        period: Between two samples [s].
-        side: On which the robot should lie.
+    They are the orientation of the torso, (..., T, 4), the joint angles [rad], (..., T, n), and
+    the height of the neck [m], (..., T).
     """
     last, window = round(LYING_TIME / period), max(1, round(DESCENT_TIME / period))
     count = neck_height.shape[-1]

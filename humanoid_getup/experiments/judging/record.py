@@ -170,12 +170,9 @@ class Recorder:
     def read(
         self, data: Mapping[str, Array], voltage: Array, diverged: NDArray[np.bool_]
     ) -> Record:
-        """Read N robots from MjData fields at T samples, (N, T, ...).
+        """Read N robots from the fields of `RECORDED` at T samples, (N, T, ...).
 
-        Args:
-            data: The fields of `RECORDED` by name.
-            voltage: Supply of each robot [V], (N,).
-            diverged: Whose physics diverged, (N,).
+        The supply of each robot [V] is (N,), and whether its physics diverged.
         """
         world, contact, sites = self._world, data["sensordata"], data["site_xpos"]
         stance = self._meter.measure(data["qpos"], sites, world.find_non_foot_contact(contact))

@@ -242,10 +242,7 @@ def map_joints(
 ) -> dict[str, int]:
     """Find the joints of a robot that names mean: the same ones, but for words for the sides.
 
-    Args:
-        names: Names of joints elsewhere.
-        robot: Robot whose joints they mean.
-        renamed: Names of the robot's joints by those elsewhere, which count more.
+    Names of the robot's joints by those elsewhere, ``renamed``, count more.
     """
     renamed, own = renamed or {}, robot.joint_names
     if strange := [name for name in renamed.values() if name not in own]:

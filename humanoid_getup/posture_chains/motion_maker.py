@@ -248,8 +248,8 @@ class StartMotions:
             search.advance()
             self._monitor.show(
                 Progress(
-                    phase="searching chains of postures [s simulated]",
-                    done=known + tools.player.simulated,
+                    phase="no stored motion stands: searching one in physics [s simulated]",
+                    done=min(budget, known + tools.player.simulated),
                     total=budget,
                     note=f"{len(search.archive)} states",
                 )

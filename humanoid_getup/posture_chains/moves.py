@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -92,7 +93,7 @@ class RandomMoves:
             "mirrored joints": (0.30, self._change_pairs),
             "joints": (0.12, self._change_joints),
             "limb": (0.13, self._move_limb),
-            "limbs": (0.13, self._move_limbs),
+            "limbs": (0.13, partial(self._move_limb, paired=True)),
             "folded legs": (0.15 if all(map(len, self._bending)) else 0.0, self._fold_legs),
             "homeward": (0.12, self._go_homeward),
             "squat": (0.10 if squats else 0.0, self._squat),
@@ -148,16 +149,14 @@ class RandomMoves:
         chosen = rng.random(self._robot.n) < rng.choice(shares)
         return chosen * rng.normal(scale=rng.choice(SPREADS), size=self._robot.n)
 
-    def _move_limb(self, target: Array, rng: np.random.Generator) -> Array:
+    def _move_limb(self, target: Array, rng: np.random.Generator, *, paired: bool = False) -> Array:
         group = self._groups[int(rng.integers(len(self._groups)))]
         moved = target.copy()
         moved[group] = self._draw_anywhere(rng)[group]
-        return moved
+        return self._mirror(moved, group) if paired else moved
 
-    def _move_limbs(self, target: Array, rng: np.random.Generator) -> Array:
-        group = self._groups[int(rng.integers(len(self._groups)))]
-        moved = target.copy()
-        moved[group] = self._draw_anywhere(rng)[group]
+    def _mirror(self, moved: Array, group: NDArray[np.int_]) -> Array:
+        """Move the partners of joints likewise."""
         partner = self._robot.mirror_index[group]
         moved[partner] = self._robot.mirror_joints(moved)[partner]
         return moved
@@ -169,10 +168,7 @@ class RandomMoves:
         bent[leg] = self._draw_anywhere(rng)[leg]
         group = next(group for group in self._groups if leg[0] in group)
         moved[group] = bent[group]
-        if rng.random() < BOTH_FOLD:
-            partner = self._robot.mirror_index[group]
-            moved[partner] = self._robot.mirror_joints(moved)[partner]
-        return moved
+        return self._mirror(moved, group) if rng.random() < BOTH_FOLD else moved
 
     def _go_homeward(self, target: Array, rng: np.random.Generator) -> Array:
         share, moved = rng.choice(HOMEWARD), target.copy()

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,9 +116,14 @@ class Shortener:
         """
         found, ends = [keyframes], self.simulated + MOST_SIMULATED
         self._cost = self._judge(found)[0]
-        found += self._pick_first(self._thin(keyframes), SLACK)
-        for candidates in (self._shorten_rests, self._quicken):
-            found += self._pick_first(candidates(found[-1]))
+        # Motions joined by a chain have many keys that the curve passes anyway.
+        thinned = [thin(keyframes, tolerance) for tolerance in TOLERANCES]
+        fewer = [each for each in thinned if len(each.keys) < len(keyframes.keys)]
+        found += self._pick_first(fewer, SLACK)
+        found += self._pick_first(_shorten_rests(found[-1]))
+        last = found[-1]
+        paced = [replace(last, duration=pace * last.duration) for pace in PACES]
+        found += self._pick_first(paced)
         for _ in range(ROUNDS):
             before = len(found)
             for list_changes in CHANGES:
@@ -128,23 +133,6 @@ class Shortener:
             if len(found) == before:
                 break
         return found
-
-    def _thin(self, keyframes: Keyframes) -> list[Keyframes]:
-        """Leave out keys that the curve passes anyway; motions joined by a chain have many."""
-        thinned = [thin(keyframes, tolerance) for tolerance in TOLERANCES]
-        return [each for each in thinned if len(each.keys) < len(keyframes.keys)]
-
-    def _shorten_rests(self, keyframes: Keyframes) -> list[Keyframes]:
-        rests = find_rests(keyframes)
-        return [
-            replace(keyframes, duration=np.where(rests, share, 1.0) * keyframes.duration)
-            if share
-            else without_keys(keyframes, np.flatnonzero(rests) + 1)
-            for share in REST_SHARES
-        ]
-
-    def _quicken(self, keyframes: Keyframes) -> list[Keyframes]:
-        return [replace(keyframes, duration=pace * keyframes.duration) for pace in PACES]
 
     def _combine(self, keyframes: Keyframes, changes: Sequence[Change]) -> list[Keyframes]:
         """Make as many of the changes at once as still stand, of those that do alone."""
@@ -157,7 +145,9 @@ class Shortener:
         if not len(order):
             return []
         some = [order[: max(round(share * len(order)), 1)] for share in FEWER]
-        together = [_apply(keyframes, [changes[k] for k in each]) for each in some]
+        together = [
+            reduce(lambda made, k: changes[k](made), each.tolist(), keyframes) for each in some
+        ]
         return self._pick_first([*together, alone[order[0]]])
 
     def _pick_first(self, candidates: Sequence[Keyframes], slack: float = 0.0) -> list[Keyframes]:
@@ -185,55 +175,46 @@ class Shortener:
         return np.where(outcome.stood, cost, FALLEN * self.scale)
 
 
-class _Cut:
-    """Cuts keys, and the ways to them."""
-
-    def __init__(self, keys: Array) -> None:
-        self._keys = keys
-
-    def __call__(self, keyframes: Keyframes) -> Keyframes:
-        for key in self._keys:
-            there = np.flatnonzero((keyframes.keys[1:-1] == key).all(axis=1))
-            keyframes = without_keys(keyframes, there[:1] + 1)
-        return keyframes
+def _shorten_rests(keyframes: Keyframes) -> list[Keyframes]:
+    rests = find_rests(keyframes)
+    return [
+        replace(keyframes, duration=np.where(rests, share, 1.0) * keyframes.duration)
+        if share
+        else without_keys(keyframes, np.flatnonzero(rests) + 1)
+        for share in REST_SHARES
+    ]
 
 
-class _Hurry:
-    """Shortens the way to a key."""
+def _cut(keys: Array, keyframes: Keyframes) -> Keyframes:
+    """Cut keys, and the ways to them."""
+    for key in keys:
+        there = np.flatnonzero((keyframes.keys[1:-1] == key).all(axis=1))
+        keyframes = without_keys(keyframes, there[:1] + 1)
+    return keyframes
 
-    def __init__(self, key: Array) -> None:
-        self._key = key
 
-    def __call__(self, keyframes: Keyframes) -> Keyframes:
-        there = (keyframes.keys[1:] == self._key).all(axis=1)
-        shorter = np.maximum(SHORTER * keyframes.duration, LEAST_TIME)
-        duration = np.where(there, np.minimum(shorter, keyframes.duration), keyframes.duration)
-        return replace(keyframes, duration=duration)
+def _hurry(key: Array, keyframes: Keyframes) -> Keyframes:
+    """Shorten the way to a key."""
+    there = (keyframes.keys[1:] == key).all(axis=1)
+    shorter = np.maximum(SHORTER * keyframes.duration, LEAST_TIME)
+    duration = np.where(there, np.minimum(shorter, keyframes.duration), keyframes.duration)
+    return replace(keyframes, duration=duration)
 
 
 def _list_cuts(size: int, keyframes: Keyframes) -> list[Change]:
     """List the changes that cut so many keys in a row."""
     inner = keyframes.keys[1:-1]
     firsts = range(0, len(inner) - size + 1, max(size // 2, 1))
-    return [_Cut(inner[first : first + size]) for first in firsts]
+    return [partial(_cut, inner[first : first + size]) for first in firsts]
 
 
 def _list_hurries(keyframes: Keyframes) -> list[Change]:
-    return [
-        _Hurry(keyframes.keys[k + 1])
-        for k, time in enumerate(keyframes.duration)
-        if SHORTER * time > LEAST_TIME
-    ]
+    rows = np.flatnonzero(SHORTER * keyframes.duration > LEAST_TIME)
+    return [partial(_hurry, keyframes.keys[k + 1]) for k in rows]
 
 
 CHANGES = (*(partial(_list_cuts, size) for size in ROWS), _list_hurries)
 """Lists of changes, made in this order."""
-
-
-def _apply(keyframes: Keyframes, changes: Iterable[Change]) -> Keyframes:
-    for change in changes:
-        keyframes = change(keyframes)
-    return keyframes
 
 
 def find_rests(keyframes: Keyframes) -> NDArray[np.bool_]:

@@ -71,30 +71,27 @@ class AttemptManager:
         Raises:
             KeyboardInterrupt: if it was interrupted; the robot's torque is off then.
         """
-        with self._keeper.naming_hand_over():
-            return self._get_up(rng)
-
-    def _get_up(self, rng: np.random.Generator) -> RiseResult:
         attempts: list[Attempt] = []
         by_fault = False
-        try:
-            status, reason = self._try_all(attempts, rng)
-        except StoppedError as stop:
-            status, reason = AttemptStatus.STOPPED, f"{AttemptStatus.STOPPED.value}: {stop}"
-        except (UnrecoveredError, DriverError) as error:
-            status, reason, by_fault = AttemptStatus.NEEDS_HELP, str(error), True
-        self._report(Phase.ENDED, reason)
-        measured = next((a.start_class for a in attempts if a.start_class), UNCLASSED)
-        return RiseResult(
-            robot=self._guard.robot,
-            start_class=self._session.start_class or measured,
-            status=status,
-            reason=reason,
-            attempts=tuple(attempts),
-            by_fault=by_fault or _ended_by_fault(attempts, status),
-            has_imu=self._session.has_imu,
-            unreleased=self._guard.unreleased,
-        )
+        with self._keeper.naming_hand_over():
+            try:
+                status, reason = self._try_all(attempts, rng)
+            except StoppedError as stop:
+                status, reason = AttemptStatus.STOPPED, f"{AttemptStatus.STOPPED.value}: {stop}"
+            except (UnrecoveredError, DriverError) as error:
+                status, reason, by_fault = AttemptStatus.NEEDS_HELP, str(error), True
+            self._report(Phase.ENDED, reason)
+            measured = next((a.start_class for a in attempts if a.start_class), UNCLASSED)
+            return RiseResult(
+                robot=self._guard.robot,
+                start_class=self._session.start_class or measured,
+                status=status,
+                reason=reason,
+                attempts=tuple(attempts),
+                by_fault=by_fault or _ended_by_fault(attempts, status),
+                has_imu=self._session.has_imu,
+                unreleased=self._guard.unreleased,
+            )
 
     def _try_all(
         self, attempts: list[Attempt], rng: np.random.Generator

@@ -12,12 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances import Scenarios
-from humanoid_getup.experiments.drop import (
-    DROP_HEIGHT,
-    LONGEST_FALL,
-    Drops,
-    FallError,
-)
+from humanoid_getup.experiments.drop import DROP_HEIGHT, LONGEST_FALL, Drops, FallError
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.scenes.scene import Scene, StartRegion

@@ -17,24 +17,14 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbances import (
-    USUAL,
-    Disturbance,
-    Normal,
-    Scenarios,
-)
+from humanoid_getup.experiments.disturbances import USUAL, Disturbance, Normal, Scenarios
 from humanoid_getup.experiments.judging.outcome import compute_share
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference
-from humanoid_getup.motions.trial import (
-    SEARCH_HOLD,
-    SWAY_TIME,
-    KeyframePopulation,
-    score,
-)
+from humanoid_getup.motions.trial import SEARCH_HOLD, SWAY_TIME, KeyframePopulation, score
 from humanoid_getup.progress.ledger import STARTS_OVER, Ledger
 from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
 from robots import TorqueLimit
@@ -303,15 +293,9 @@ class TrajectoryOptimizer:
     def _make_scenarios(
         self, keyframes: Keyframes, count: int, rng: np.random.Generator
     ) -> Scenarios:
-        limit = keyframes.torque_limit
+        start, limit, disturbance = self.start, keyframes.torque_limit, self._disturbance
         return make_scenarios(
-            self.world,
-            self.start,
-            limit,
-            count,
-            self._disturbance,
-            rng,
-            bounds=self._bounds,
+            self.world, start, limit, count, disturbance, rng, bounds=self._bounds
         )
 
 

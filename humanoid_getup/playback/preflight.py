@@ -60,21 +60,13 @@ class Verdict:
 
     reasons: tuple[Reason, ...] = ()
     """All findings, refusals first."""
+    falls = another_may_pass = False
+    """What is known of a motion alone, as of `MotionVerdict`."""
 
     @property
     def passed(self) -> bool:
         """Return whether nothing is refused."""
         return not self.refusals
-
-    @property
-    def falls(self) -> bool:
-        """Return whether the motion was rolled out and does not end as it should."""
-        return False
-
-    @property
-    def another_may_pass(self) -> bool:
-        """Return whether it is the motion that was refused, not the state of the robot."""
-        return False
 
     @property
     def refusals(self) -> tuple[Reason, ...]:

@@ -13,11 +13,7 @@ from drivers import Command, Guidance, State
 from humanoid_getup.experiments.judging.standing import HOLD, MAX_TILT
 from humanoid_getup.policy.action import between, next_target
 from humanoid_getup.policy.contract import ContractError, PolicyContract
-from humanoid_getup.policy.observation import (
-    Sensed,
-    compute_torque_share,
-    observe,
-)
+from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
 from humanoid_getup.policy.onnx_file import NetworkError, OnnxNetwork
 from humanoid_getup.policy.style_follower import StyleFollower
 from humanoid_getup.style.curve_tracker import FollowedStyle

@@ -119,8 +119,7 @@ def load_style(name: str | Path, robot: Robot) -> Style:
     Durations of bodies that move alike grow with the square root of the length of their legs.
 
     Raises:
-        ValueError: if there is no such style, or its file is wrong.
-        ValueError: if an argument is of another type.
+        ValueError: if there is no such style, its file is wrong, or an argument is of another type.
     """
     expect("style", name, str | Path, f"a name or a {SUFFIX} file")
     expect("robot", robot, Robot, "a Robot, e.g. load_robot('op3')")

@@ -1,13 +1,15 @@
-"""A clip of motion capture: positions of a body's joints over time."""
+"""A clip of motion capture: positions of a body's joints over time, and the axes of its parts."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from robots.body.limb import LIMB_NAMES, LimbName, LimbPose
 from robots.quaternion import Array
 from robots.storage.files import describe, read_bounded
 
@@ -131,3 +133,188 @@ class Clip:
 def is_foot(name: str) -> bool:
     """Tell whether a joint is one of a foot, by its name."""
     return any(part in name.lower() for part in FEET)
+
+
+# What capture systems and editors call the joints of a left limb; the right one's follow.
+SHOULDERS = ("lhumerus", "LeftArm", "LeftUpArm", "LeftShoulder", "lShldr", "L_Shoulder")
+ELBOWS = ("lradius", "LeftForeArm", "LeftLowArm", "LeftElbow", "lForeArm", "L_Elbow")
+WRISTS = ("lwrist", "LeftHand", "LeftWrist", "lHand", "L_Wrist")
+KNEES = ("ltibia", "LeftLeg", "LeftKnee", "LeftShin", "LeftLowLeg", "lShin", "L_Knee")
+ANKLES = ("lfoot", "LeftFoot", "LeftAnkle", "lFoot", "L_Ankle")
+TOES = ("ltoes", "LeftToeBase", "LeftToe", "lToe", "L_Toe", "L_Foot")
+SPINES = ("upperback", "Spine1", "Spine", "Chest", "spine", "abdomen", "Spine_1")
+"""A joint above the pelvis, below the chest."""
+SMALL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class LimbTrack:
+    """Directions of a limb in the world over time."""
+
+    upper: Array
+    """Unit vectors along upper arm or thigh, (T, 3)."""
+    lower: Array
+    """Unit vectors along forearm or shank, (T, 3)."""
+    foot: Array | None
+    """Forward, left and up of the foot, in columns, (T, 3, 3); None for an arm, or without toes."""
+
+    def pose(self, frame: int, torso: Array) -> LimbPose:
+        """Return the pose at a frame relative to the axes of a torso (3, 3)."""
+        foot = None if self.foot is None else torso.T @ self.foot[frame]
+        return LimbPose(torso.T @ self.upper[frame], torso.T @ self.lower[frame], foot)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClipBody:
+    """Axes and limbs of a clip's body in a world whose z axis points up."""
+
+    hips: Array
+    """Middle of the hips [m], (T, 3)."""
+    pelvis: Array
+    """Forward, left and up of the pelvis, in columns, (T, 3, 3)."""
+    torso: Array
+    """The same of the whole trunk, from the hips to the neck, (T, 3, 3)."""
+    chest: Array
+    """The same of the chest, from the middle of the spine to neck and shoulders, (T, 3, 3)."""
+    limbs: dict[LimbName, LimbTrack]
+
+
+def read_body(clip: Clip) -> ClipBody:
+    """Find the body in a clip.
+
+    The axes of pelvis, trunk and chest are those of the world where the body stands in the clip's
+    rest pose.
+    """
+    places, rest = _Places(clip, is_rest=False), _Places(clip, is_rest=True)
+    return ClipBody(
+        hips=places.hips() * clip.unit,
+        pelvis=_from_rest(places.pelvis(), rest.pelvis()),
+        torso=_from_rest(places.torso(), rest.torso()),
+        chest=_from_rest(places.chest(), rest.chest()),
+        limbs={
+            name: places.limb(name, rest)
+            for name in LIMB_NAMES
+            if "leg" in name or places.has(name)
+        },
+    )
+
+
+class _Places:
+    """Positions of a clip's joints, or of its rest pose as a single frame."""
+
+    def __init__(self, clip: Clip, *, is_rest: bool) -> None:
+        self._clip, self._is_rest = clip, is_rest
+
+    def of(self, names: tuple[str, ...], what: str) -> Array:
+        """Return the positions of the joint with one of some names, z up, (T, 3)."""
+        name = self._clip.find(names, what)
+        rows = self._clip.rest[name][None] if self._is_rest else self._clip.joints[name]
+        # A y axis that points up becomes z: x stays, and z becomes -y.
+        return rows[:, [0, 2, 1]] * [1.0, -1.0, 1.0] if UP[self._clip.up] == 1 else rows
+
+    def has(self, limb: LimbName) -> bool:
+        """Tell whether the clip has an arm's elbow and wrist."""
+        side = limb.split("_")[0]
+        return all(set(_on_side(n, side)) & self._clip.joints.keys() for n in (ELBOWS, WRISTS))
+
+    def hips(self) -> Array:
+        """Return the middle of the hips, (T, 3)."""
+        left, right = self._hip_ends()
+        return 0.5 * (left + right)
+
+    def pelvis(self) -> Array:
+        """Return the axes of the hips and the spine above them, (T, 3, 3)."""
+        left, right = self._hip_ends()
+        return self._axes(left - right, self._spine() - self.hips(), "hips and spine")
+
+    def torso(self) -> Array:
+        """Return the axes of hips and neck, (T, 3, 3)."""
+        left, right = self._hip_ends()
+        return self._axes(left - right, self._neck() - self.hips(), "hips and neck")
+
+    def chest(self) -> Array:
+        """Return the axes of shoulders and neck, (T, 3, 3)."""
+        across = self._joint(SHOULDERS, "left", "shoulder")
+        across = across - self._joint(SHOULDERS, "right", "shoulder")
+        return self._axes(across, self._neck() - self._spine(), "shoulders and neck")
+
+    def limb(self, name: LimbName, rest: _Places) -> LimbTrack:
+        """Return the directions of a limb."""
+        side, kind = name.split("_")
+        if kind == "arm":
+            parts = ((SHOULDERS, "shoulder"), (ELBOWS, "elbow"), (WRISTS, "wrist"))
+            first, middle, end = (self._joint(names, side, what) for names, what in parts)
+        else:
+            first = self._hip_ends()[0 if side == "left" else 1]
+            middle, end = (
+                self._joint(names, side, what)
+                for names, what in ((KNEES, "knee"), (ANKLES, "ankle"))
+            )
+        upper = self._unit(middle - first, f"upper {name}")
+        lower = self._unit(end - middle, f"lower {name}")
+        return LimbTrack(upper, lower, self._foot(side, lower, rest) if kind == "leg" else None)
+
+    def _foot(self, side: str, lower: Array, rest: _Places) -> Array | None:
+        """Return the axes of a foot, level where it is in the rest pose, (T, 3, 3)."""
+        if not set(_on_side(TOES, side)) & self._clip.joints.keys():
+            return None
+        forward, still = self._forward(side), rest._forward(side)[0]
+        left = self._unit(np.cross(-lower, forward), f"{side} foot")
+        up = np.cross(forward, left)
+        slope = math.asin(float(np.clip(still[2], -1.0, 1.0)))  # of the way to the toes, at rest
+        level = math.cos(slope) * forward - math.sin(slope) * up
+        return np.stack([level, left, np.cross(level, left)], axis=-1)
+
+    def _forward(self, side: str) -> Array:
+        toes, ankle = self._joint(TOES, side, "toes"), self._joint(ANKLES, side, "ankle")
+        return self._unit(toes - ankle, f"{side} foot")
+
+    def _hip_ends(self) -> tuple[Array, Array]:
+        return self.of(LEFT_HIPS, "left hip"), self.of(RIGHT_HIPS, "right hip")
+
+    def _neck(self) -> Array:
+        return self.of(NECKS, "neck")
+
+    def _spine(self) -> Array:
+        """Return a joint of the spine; without one, a place between hips and neck."""
+        if set(SPINES) & self._clip.joints.keys():
+            return self.of(SPINES, "spine")
+        return 0.5 * (self.hips() + self._neck())
+
+    def _joint(self, names: tuple[str, ...], side: str, what: str) -> Array:
+        return self.of(_on_side(names, side), f"{side} {what}")
+
+    def _axes(self, left: Array, up: Array, what: str) -> Array:
+        """Return axes with their left along one vector and their up near another, (T, 3, 3)."""
+        left = self._unit(left, what)
+        forward = self._unit(np.cross(left, up), what)
+        return np.stack([forward, left, np.cross(forward, left)], axis=-1)
+
+    def _unit(self, rows: Array, what: str) -> Array:
+        length = np.linalg.norm(rows, axis=-1)
+        if length.min() <= SMALL:
+            raise ValueError(
+                f"clip {self._clip.file}: {what} are in one place or line in frame "
+                f"{int(np.argmin(length)) + 1}, expected a body"
+            )
+        return rows / length[:, None]
+
+
+def _from_rest(axes: Array, rest: Array) -> Array:
+    """Turn axes (T, 3, 3) so that in the rest pose (1, 3, 3) they stand upright."""
+    left = rest[0, :, 1] * [1.0, 1.0, 0.0]
+    left = left / max(float(np.linalg.norm(left)), SMALL)
+    up = np.array([0.0, 0.0, 1.0])
+    upright = np.stack([np.cross(left, up), left, up], axis=-1)
+    return axes @ rest[0].T @ upright
+
+
+def _on_side(names: tuple[str, ...], side: str) -> tuple[str, ...]:
+    if side == "left":
+        return names
+    return tuple(
+        name.replace("Left", "Right")
+        if "Left" in name
+        else {"l": "r", "L": "R"}[name[0]] + name[1:]
+        for name in names
+    )

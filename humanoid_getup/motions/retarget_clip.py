@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation, Slerp
 
-from humanoid_getup.clips.clip import Clip
+from humanoid_getup.clips.clip import Clip, ClipBody, read_body
 from humanoid_getup.experiments.falls import classify
-from humanoid_getup.motions.clip_body import ClipBody, read_body
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from humanoid_getup.motions.motion import (
     MAX_DURATION,

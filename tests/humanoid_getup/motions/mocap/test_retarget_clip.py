@@ -10,9 +10,8 @@ import pytest
 from paths import SHARED
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.clips.clip import Clip
+from humanoid_getup.clips.clip import Clip, ClipBody, read_body
 from humanoid_getup.clips.clip_file import read_acclaim
-from humanoid_getup.motions.clip_body import ClipBody, read_body
 from humanoid_getup.motions.retarget_clip import ClipRetargeter
 from robots import Robot, load_robot, quaternion
 from robots.kinematics import lowest_points, place_postures

@@ -32,14 +32,13 @@ robot = load_robot("op3")
 KeyframePopulation(load_robot_keyframes(robot)[0], robot, size=4, seed=0).ask()
 policy, model = OnnxPolicy.load(find_policy(robot, "robust"), robot), World(robot).model
 policy.reset(state_of(robot))
-for cycle in range(100):
-    policy.step(state_of(robot, cycle * robot.control_period))
+policy.step(state_of(robot))
 try:
     pictures = render_frames(robot, model, place(robot, model, robot.standing)[None])
 except NoRendererError:  # without OpenGL the figure alone is tried
     pictures = np.zeros((1, 8, 8, 3))
 save_strip(pictures, [0.0], Path("strip.png"))
-assert main(["plan", "--from", "prone", "--json", "plan.json"]) == 0
+assert main(["plan", "--from", "prone", "--max-checks", "1", "--json", "plan.json"]) == 1
 """
 
 
@@ -49,19 +48,10 @@ def test_a_policy_a_picture_and_a_plan_write_what_is_named_alone(tmp_path: Path)
     for folder in (home, work, temporary):
         folder.mkdir()
     places = {f"XDG_{name}_HOME": str(home / name) for name in ("CACHE", "CONFIG", "DATA", "STATE")}
-    subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(REPOSITORY / "tests" / "support")],
-        check=True,
-        cwd=work,
-        env={
-            "HOME": str(home),
-            "TMPDIR": str(temporary),
-            "PYTHONPATH": ":".join(path for path in sys.path if path),
-            "PYTHONDONTWRITEBYTECODE": "1",
-            **places,
-        },
-        capture_output=True,
-    )
+    places |= {"HOME": str(home), "TMPDIR": str(temporary), "PYTHONDONTWRITEBYTECODE": "1"}
+    places["PYTHONPATH"] = ":".join(path for path in sys.path if path)
+    program = [sys.executable, "-c", PROGRAM, str(REPOSITORY / "tests" / "support")]
+    subprocess.run(program, check=True, cwd=work, env=places, capture_output=True)
     assert {path.name for path in work.iterdir()} == {"strip.png", "plan.json"}
     assert list(home.rglob("*")) == []
     assert list(temporary.rglob("*")) == []
@@ -69,21 +59,13 @@ def test_a_policy_a_picture_and_a_plan_write_what_is_named_alone(tmp_path: Path)
 
 @pytest.mark.skipif(sys.platform != "linux", reason="EGL and Mesa are of Linux")
 def test_without_a_display_mujoco_renders_by_egl_unless_another_gl_is_chosen():
-    headless: dict[str, str] = {}
-    prepare(headless)
-    assert headless == {
-        "MUJOCO_GL": "egl",
-        "MESA_SHADER_CACHE_DISABLE": "true",
-        "ORT_DISABLE_TELEMETRY": "1",
-    }
-    for chosen in ({"DISPLAY": ":0"}, {"MUJOCO_GL": "osmesa"}):
+    own = {"MESA_SHADER_CACHE_DISABLE": "true", "ORT_DISABLE_TELEMETRY": "1"}
+    for chosen in ({}, {"DISPLAY": ":0"}, {"MUJOCO_GL": "osmesa"}):
         environment = dict(chosen)
         prepare(environment)
-        assert {key: environment.get(key) for key in ("DISPLAY", "MUJOCO_GL")} == {
-            "DISPLAY": None,
-            "MUJOCO_GL": None,
-            **chosen,
-        }
+        assert own.items() <= environment.items()
+        gl = {key: value for key, value in environment.items() if key not in own}
+        assert gl == (chosen or {"MUJOCO_GL": "egl"})
 
 
 @pytest.mark.parametrize("existing", ["", ".config/matplotlib", ".cache/matplotlib"])

@@ -103,23 +103,10 @@ class StudioPage:
 
 
 @contextmanager
-def open_window(browser: Browser, address: str) -> Iterator[StudioPage]:
-    """Open the studio in a window of its own; wait until its elements are there."""
-    page = browser.new_page(viewport=WINDOW)  # pyright: ignore[reportArgumentType]
-    try:
-        page.goto(address)
-        shown = StudioPage(page)
-        shown.see("Timeline")
-        yield shown
-    finally:
-        page.close()
-
-
-@contextmanager
 def open_studio(
     browser: Browser, *, coarse: bool = True, **options: Any
 ) -> Iterator[tuple[Any, StudioPage]]:
-    """Serve a studio at a free port, and open it in a window.
+    """Serve a studio at a free port; open it in a window, and wait until its elements are there.
 
     The scene is coarse, without reflections and shadows, unless pictures are taken of it: where
     there is no GPU, they take most of the processor time until a page is shown.
@@ -133,5 +120,11 @@ def open_studio(
             studio.server.scene.configure_environment_map(None)
             studio.server.scene.configure_default_lights(cast_shadow=False)
             address += f"{'&' if '?' in address else '?'}{COARSE}"
-        with open_window(browser, address) as window:
-            yield studio, window
+        page = browser.new_page(viewport=WINDOW)  # pyright: ignore[reportArgumentType]
+        try:
+            page.goto(address)
+            shown = StudioPage(page)
+            shown.see("Timeline")
+            yield studio, shown
+        finally:
+            page.close()

@@ -15,6 +15,7 @@ from subprocess import PIPE
 from typing import Any
 
 import pytest
+from nonempty import nonempty
 from run_getup import Run
 
 from drivers.errors import DriverError
@@ -22,8 +23,6 @@ from humanoid_getup.commands import command_line as commands
 from humanoid_getup.commands.command_table import COMMANDS
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.main import SIGNALS, main
-
-MOTION = "squat_to_stand"
 
 
 def getup(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -41,69 +40,51 @@ def test_the_version_is_printed(capsys: pytest.CaptureFixture[str]):
     assert capsys.readouterr().out == f"getup {version('humanoid-getup')}\n"
 
 
+UNREAD = """
+expected a command first: getup --help
+motions | expected a command first: getup motions --help
+--version extra | unknown argument 'extra': see getup --help
+ryse | unknown command 'ryse', expected rise? see getup --help
+motions fly | unknown command 'fly', see getup motions --help
+--verison | unknown option '--verison', expected --version? see getup --help
+motions --hepl | unknown option '--hepl', expected --help? see getup motions --help
+robots chek | unknown command 'chek', expected check? see getup robots --help
+rise --from | --from has no value, expected one: see getup rise --help
+rise --balance yes | unknown argument 'yes': see getup rise --help
+run robust --body arms=2 | unknown option '--body', which getup rise, getup play, getup sit, \
+getup hold or getup fall has: see getup run --help
+run | NAME|FILE is missing: see getup run --help
+robots import a.xml --feet 2 | --out DIR is missing; unknown option '--feet': see getup robots \
+import --help
+"""
+
+
 @pytest.mark.parametrize("columns", ["30", "200"])
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("rise --from", "--from has no value, expected one: see getup rise --help"),
-        ("rise --form supine", "unknown option '--form', expected --from: see getup rise --help"),
-        ("rise --balance yes", "unknown argument 'yes': see getup rise --help"),
-        (
-            "run robust --body arms=2",
-            "unknown option '--body', which getup rise, getup play, getup sit, getup hold or "
-            "getup fall has: see getup run --help",
-        ),
-        ("motions retarget", "--robot STR is missing: see getup motions retarget --help"),
-        ("run", "NAME|FILE is missing: see getup run --help"),
-        (
-            "robots import a.xml --feet 2",
-            "--out DIR is missing; unknown option '--feet': see getup robots import --help",
-        ),
-    ],
-)
 def test_what_cannot_be_read_is_named_in_a_line(
-    run: Run, monkeypatch: pytest.MonkeyPatch, arguments: str, message: str, columns: str
+    run: Run, monkeypatch: pytest.MonkeyPatch, columns: str
 ):
     monkeypatch.setenv("COLUMNS", columns)
-    assert run(*arguments.split()) == (2, "", f"getup: {message}\n")
+    for line in nonempty(UNREAD.replace("\\\n", "").strip().splitlines()):
+        words, _, message = line.rpartition(" | ")
+        assert run(*words.split()) == (2, "", f"getup: {message}\n")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("", "expected a command first: getup --help"),
-        ("motions", "expected a command first: getup motions --help"),
-        ("--version extra", "unknown argument 'extra': see getup --help"),
-        ("ryse", "unknown command 'ryse', expected rise? see getup --help"),
-        ("motions fly", "unknown command 'fly', see getup motions --help"),
-        ("--verison", "unknown option '--verison', expected --version? see getup --help"),
-        ("motions --hepl", "unknown option '--hepl', expected --help? see getup motions --help"),
-        ("robots chek", "unknown command 'chek', expected check? see getup robots --help"),
-    ],
-)
-def test_a_missing_or_unknown_command_is_reported_in_a_line(run: Run, arguments: str, message: str):
-    assert run(*arguments.split()) == (2, "", f"getup: {message}\n")
-
-
-@pytest.mark.parametrize(
-    "group", ["", *(name for name in COMMANDS if not commands.is_command(name))]
-)
-def test_help_lists_every_command_of_a_group(group: str, capsys: pytest.CaptureFixture[str]):
-    with pytest.raises(SystemExit) as left:
-        main([*group.split(), "--help"])
-    assert left.value.code == 0
-    listed = [line.split()[0] for line in capsys.readouterr().out.splitlines() if line[:2] == "  "]
-    own = [name for name in COMMANDS if name.rpartition(" ")[0] == group]
-    assert sorted(f"{group} {name}".strip() for name in listed) == sorted(own)
+def test_help_lists_every_command_of_a_group(capsys: pytest.CaptureFixture[str]):
+    for group in ("", *(name for name in COMMANDS if not commands.is_command(name))):
+        with pytest.raises(SystemExit) as left:
+            main([*group.split(), "--help"])
+        assert left.value.code == 0
+        lines = capsys.readouterr().out.splitlines()
+        listed = [f"{group} {line.split()[0]}".strip() for line in lines if line[:2] == "  "]
+        own = [name for name in COMMANDS if name.rpartition(" ")[0] == group]
+        assert sorted(listed) == sorted(own)
 
 
 @pytest.mark.parametrize(
     ("refusal", "times"),
     [
         (signal.SIGINT, 2),
-        (signal.SIGTERM, 1),
-        pytest.param(signal.SIGINT, 1, marks=pytest.mark.slow),
-        pytest.param(signal.SIGTERM, 2, marks=pytest.mark.slow),
+        pytest.param(signal.SIGTERM, 1, marks=pytest.mark.slow),
     ],
 )
 def test_a_program_asked_to_stop_leaves_with_130_and_the_flight_log_alone(
@@ -124,16 +105,12 @@ def test_a_program_asked_to_stop_leaves_with_130_and_the_flight_log_alone(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.parametrize("arguments", [("robots",), ("robots", "--json", "-"), ("motions", "list")])
-def test_a_full_disk_is_reported_in_one_line(arguments: tuple[str, ...]):
+@pytest.mark.parametrize("arguments", [("robots",), ("robots", "--json", "-")])
+def test_a_full_disk_is_told_in_one_line_and_a_closed_pipe_not_at_all(arguments: tuple[str, ...]):
     with Path("/dev/full").open("w") as full:
         done = getup(*arguments, stdout=full)
-    assert done.returncode == 2
-    assert done.stderr == "getup: standard output: No space left on device\n"
-
-
-@pytest.mark.parametrize("arguments", [("robots",), ("motions", "list", "--json", "-")])
-def test_a_closed_pipe_ends_the_program_quietly(arguments: tuple[str, ...]):
+    expected = "getup: standard output: No space left on device\n"
+    assert (done.returncode, done.stderr) == (2, expected)
     reader, writer = os.pipe()
     os.close(reader)
     done = getup(*arguments, stdout=writer)
@@ -156,36 +133,22 @@ json.dump(loaded, sys.stdout)
 """
 
 
-@pytest.fixture(scope="module")
-def loaded() -> dict[str, set[str]]:
-    """The modules loaded after each of some commands, run in one process; and what it said."""
-    commands = [*LIGHT, "robots", "motions list", *HELP]
+def test_every_command_has_a_function_and_explains_itself_without_numpy():
+    """Run in one process, one after the other; each has what was loaded so far."""
+    lines = json.dumps([*LIGHT, "robots", "motions list", *HELP])
     done = subprocess.run(
-        [sys.executable, "-c", LOADED],
-        input=json.dumps(commands),
-        stdout=PIPE,
-        text=True,
-        check=True,
+        [sys.executable, "-c", LOADED], input=lines, stdout=PIPE, text=True, check=True
     )
-    return {command: set(modules) for command, modules in json.loads(done.stdout).items()}
-
-
-def test_every_command_has_a_function_and_explains_itself_without_numpy(
-    loaded: dict[str, set[str]],
-):
+    loaded = {line: set(modules) for line, modules in json.loads(done.stdout).items()}
+    assert {"tyro", "rich", "numpy"} & loaded[""] == set(), "signals are handled before"
     for command in LIGHT:
         assert {*HEAVY, "mujoco", "numpy"} & loaded[command] == set(), command
     for command in ("robots", "motions list"):
         assert "numpy" in loaded[command]
         assert HEAVY & loaded[command] == set(), command
-    for name in COMMANDS:
-        if commands.is_command(name):
-            usage = f"usage: getup {name} "
-            assert any(each.startswith(usage) for each in loaded[f"{name} --help"]), name
-
-
-def test_signals_are_handled_before_anything_is_loaded(loaded: dict[str, set[str]]):
-    assert {"tyro", "rich", "numpy"} & loaded[""] == set()
+    for line in HELP:
+        usage = f"usage: getup {line.removesuffix('--help')}"
+        assert any(each.startswith(usage) for each in loaded[line]), line
 
 
 @pytest.fixture
@@ -207,42 +170,36 @@ def own_signals() -> Iterator[None]:
         (DriverError("torque may be on"), 3, "torque may be on"),
     ],
 )
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_what_a_library_makes_of_an_interrupt_is_one(
-    run: Run, monkeypatch: pytest.MonkeyPatch, number: int, error: Exception, code: int, line: str
+    run: Run, monkeypatch: pytest.MonkeyPatch, error: Exception, code: int, line: str
 ):
     def fail(_: object) -> None:
         with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(number)
+            signal.raise_signal(signal.SIGTERM)
         raise error
 
     monkeypatch.setattr(commands, "parse", fail)
     assert run("robots") == (code, "", f"getup: {line}\n")
 
 
-@pytest.mark.parametrize(
-    "error",
-    [
+def test_too_little_memory_is_told_in_one_line(run: Run, monkeypatch: pytest.MonkeyPatch):
+    for error in (
         MemoryError(),
         ImportError("in numpy:\na.so: failed to map segment from shared object\n"),
         RuntimeError("can't start new thread"),
         OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)),
         BadInputError("Could not allocate memory"),
-    ],
-)
-@pytest.mark.parametrize("outer", [None, TypeError("no module")])
-def test_too_little_memory_is_told_in_one_line(
-    run: Run, monkeypatch: pytest.MonkeyPatch, error: Exception, outer: Exception | None
-):
-    def fail(_: object) -> None:
-        raise outer or error from outer and error
+    ):
+        for outer in (None, TypeError("no module")):
 
-    monkeypatch.setattr(commands, "parse", fail)
-    code, out, line = run("robots")
-    assert (code, out, line.count("\n")) == (1, "", 1)
-    assert line.startswith(
-        f"getup: too little memory, or too few threads ({error!r}), expected more"
-    )
+            def fail(_: object, error: Exception = error, outer: Exception | None = outer) -> None:
+                raise outer or error from outer and error
+
+            monkeypatch.setattr(commands, "parse", fail)
+            code, out, line = run("robots")
+            assert (code, out, line.count("\n")) == (1, "", 1)
+            told = f"getup: too little memory, or too few threads ({error!r}), expected more"
+            assert line.startswith(told)
 
 
 def test_a_process_with_little_memory_says_so(tmp_path: Path):
@@ -271,15 +228,16 @@ def test_an_interrupt_that_an_import_swallows_stops_the_program_before_it_works(
     assert run("robots") == (130, "", "getup: interrupted\n")
 
 
-@pytest.mark.parametrize("number", [None, errno.ENOENT])
 def test_an_error_of_no_file_and_no_output_is_its_own_text(
-    run: Run, monkeypatch: pytest.MonkeyPatch, number: int | None
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ):
-    def fail() -> None:
-        raise OSError("no folder") if number is None else OSError(number, "no folder")
+    for given in (("no folder",), (errno.ENOENT, "no folder")):
 
-    monkeypatch.setattr(commands.Invocation, "load", lambda _: fail)
-    assert run("robots") == (2, "", "getup: no folder\n")
+        def fail(given: tuple[Any, ...] = given) -> None:
+            raise OSError(*given)
+
+        monkeypatch.setattr(commands.Invocation, "load", lambda _, fail=fail: fail)
+        assert run("robots") == (2, "", "getup: no folder\n")
 
 
 def test_completions_know_the_options_of_every_command(capsys: pytest.CaptureFixture[str]):
@@ -290,17 +248,13 @@ def test_completions_know_the_options_of_every_command(capsys: pytest.CaptureFix
         assert option in script
 
 
-def test_a_gl_that_does_not_exist_is_named():
-    done = getup("robots", env={**os.environ, "MUJOCO_GL": "crayon"})
-    assert done.returncode == 2
-    assert "MUJOCO_GL: crayon, expected egl" in done.stderr
-    assert done.stderr.count("\n") == 1
-
-
-def test_without_a_gl_there_is_no_film_strip(tmp_path: Path):
-    environment = {**os.environ, "MUJOCO_GL": "disable"}
-    done = getup("motions", "show", MOTION, "--picture", str(tmp_path / "s.png"), env=environment)
-    assert done.returncode == 2
-    assert done.stderr.startswith("getup: no film strip: no GL to render with (MUJOCO_GL=disable)")
-    assert done.stderr.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+def test_without_a_gl_there_is_no_film_strip_and_a_wrong_one_is_named(tmp_path: Path):
+    words = ("motions", "show", "squat_to_stand", "--picture", str(tmp_path / "s.png"))
+    for gl, told in (
+        ("crayon", "MUJOCO_GL: crayon, expected egl"),
+        ("disable", "getup: no film strip: no GL to render with (MUJOCO_GL=disable)"),
+    ):
+        done = getup(*words, env={**os.environ, "MUJOCO_GL": gl})
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert told in done.stderr
+        assert list(tmp_path.iterdir()) == []

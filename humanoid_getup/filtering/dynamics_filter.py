@@ -15,10 +15,7 @@ from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Refe
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.search import TargetSearch, coarsen
 from humanoid_getup.filtering.separation import MARGINS, Separation
-from humanoid_getup.filtering.tracking import (
-    FIRST_HOLD,
-    Tracker,
-)
+from humanoid_getup.filtering.tracking import FIRST_HOLD, Tracker
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference, PreferenceName
 from humanoid_getup.progress.callback import ProgressMonitor
@@ -158,12 +155,7 @@ class DynamicsFilter:
         return compute_share(outcome.stood[0]), outcome.record.duration
 
     def _compare(
-        self,
-        experiment: Experiment,
-        scenarios: Scenarios,
-        target: Array,
-        *,
-        give_up: bool = True,
+        self, experiment: Experiment, scenarios: Scenarios, target: Array, *, give_up: bool = True
     ) -> Outcome:
         """Play targets (T, n) in K scenarios and count them, (1, K)."""
         outcome = experiment.compare(scenarios, [target], give_up=give_up)

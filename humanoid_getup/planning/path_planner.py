@@ -154,10 +154,7 @@ def _cut_where_illegal(problem: PostureProblem, path: list[Array]) -> list[Array
 
 
 def _finish(
-    problem: PostureProblem,
-    found: SearchResult,
-    rng: np.random.Generator,
-    options: PathOptions,
+    problem: PostureProblem, found: SearchResult, rng: np.random.Generator, options: PathOptions
 ) -> PathResult:
     """Shorten and smooth a path; repair what collides between the postures checked so far."""
     robot = problem.checker.robot
@@ -187,10 +184,7 @@ def _finish(
         joint_pos=nodes[:, 4:],
     )
     return PathResult(
-        status=SearchStatus.SOLVED,
-        trajectory=trajectory,
-        nodes=found.nodes,
-        refined=found.refined,
+        status=SearchStatus.SOLVED, trajectory=trajectory, nodes=found.nodes, refined=found.refined
     )
 
 

@@ -74,10 +74,7 @@ def refine(
 
 
 def repair(
-    problem: PostureProblem,
-    path: list[Array],
-    rng: np.random.Generator,
-    options: SearchOptions,
+    problem: PostureProblem, path: list[Array], rng: np.random.Generator, options: SearchOptions
 ) -> SearchResult:
     """Cut the illegal segments out of a path and plan new ones, [Lin12], section 4.2.4.
 

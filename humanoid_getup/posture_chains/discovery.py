@@ -111,11 +111,7 @@ class ChainDiscovery:
         settings = replace(settings, weakest=self.least_share)
         self.tools = ChainTools(world, rng, settings, moves)
         self.maker = MotionMaker(
-            world,
-            seed=seed,
-            limit=limit,
-            weakest=self.least_share,
-            threads=settings.threads,
+            world, seed=seed, limit=limit, weakest=self.least_share, threads=settings.threads
         )
         self._world, self._most = world, most
         self._accept, self._announce = accept, announce

@@ -116,13 +116,7 @@ class MotionMaker:
         )
         keyframes = replace(keyframes, torque_limit=self._torque)
         scenarios = make_scenarios(
-            world,
-            chain.start,
-            self._torque,
-            WORLDS,
-            MARGIN,
-            rng,
-            bounds=self._bounds,
+            world, chain.start, self._torque, WORLDS, MARGIN, rng, bounds=self._bounds
         )
         shortener = Shortener(world, scenarios, threads=self._threads)
         optimizer = TrajectoryOptimizer(

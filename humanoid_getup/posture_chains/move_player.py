@@ -8,13 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbances import (
-    USUAL,
-    Disturbance,
-    Normal,
-    Scenarios,
-    Uniform,
-)
+from humanoid_getup.experiments.disturbances import USUAL, Disturbance, Normal, Scenarios, Uniform
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME

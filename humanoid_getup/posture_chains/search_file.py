@@ -184,10 +184,7 @@ def read_states(path: Path, world: World) -> FiledStates:
         options = msgspec.convert(kept, StoredOptions)
         ups, *sides = StoredStates(arrays, world, options.worlds).read_archives()
         return FiledStates(
-            ways_up=ups,
-            sides=sides,
-            simulated=sum(_read_counts(arrays).simulated),
-            options=options,
+            ways_up=ups, sides=sides, simulated=sum(_read_counts(arrays).simulated), options=options
         )
 
 

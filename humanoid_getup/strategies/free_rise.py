@@ -11,12 +11,7 @@ from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Slow
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.placement import StandingPlaces
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.rise_search import (
-    FINALISTS,
-    FoundRise,
-    RiseSearch,
-    SearchTools,
-)
+from humanoid_getup.strategies.rise_search import FINALISTS, FoundRise, RiseSearch, SearchTools
 from robots import Posture, quaternion
 from robots.body.parts import leg_length
 from robots.kinematics import read_posture

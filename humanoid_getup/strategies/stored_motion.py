@@ -19,11 +19,7 @@ class StoredMotion:
     """Plays one motion as it is, for every start; the preflight may refuse it."""
 
     def __init__(
-        self,
-        world: World,
-        motion: Motion | str | Path,
-        *,
-        torque_limit: TorqueLimit = FULL_TORQUE,
+        self, world: World, motion: Motion | str | Path, *, torque_limit: TorqueLimit = FULL_TORQUE
     ) -> None:
         """Load one of the robot's motions by name, or an .npz file, or take a loaded motion."""
         expect("world", world, World, "a World, e.g. World(robot)")

@@ -60,8 +60,6 @@ class PathResult:
     None unless solved."""
     nodes: int = 0
     """Postures in the search trees."""
-    checks: int = 0
-    """Postures checked for collisions."""
     refined: bool = False
     """Whether strict searches failed, so that it was refined from loose to strict."""
     beginning: Trajectory | None = None
@@ -85,19 +83,7 @@ def plan_path(
     The same state of ``rng`` gives the same result. ``report`` is called with the looseness at
     which there is a path, from 1 to 0, if the constraints have to be loosened.
     """
-    options, already = options or PathOptions(), checker.checks
-    result = _plan(start, goal, checker, rng, options, report)
-    return replace(result, checks=checker.checks - already)
-
-
-def _plan(
-    start: Posture,
-    goal: Posture,
-    checker: CollisionChecker,
-    rng: np.random.Generator,
-    options: PathOptions,
-    report: Report,
-) -> PathResult:
+    options = options or PathOptions()
     checker.reset()
     for posture, status in ((start, SearchStatus.START_INVALID), (goal, SearchStatus.GOAL_INVALID)):
         if problems := checker.allow(posture):
@@ -269,7 +255,6 @@ def _sum_up(legs: list[PathResult], path: Trajectory, arrivals: list[int], leg: 
         trajectory=path if is_solved else None,
         arrivals=tuple(arrivals),
         nodes=sum(one.nodes for one in legs),
-        checks=sum(one.checks for one in legs),
         refined=any(one.refined for one in legs),
         beginning=path if not is_solved and len(path.time) > 1 else None,
     )

@@ -65,30 +65,6 @@ class StandFeatures(Features):
     split: Array
     """How much farther apart the soles are than in the stance [leg lengths], (K,)."""
 
-    @classmethod
-    def of(cls, up: Array, neck: Array, flatness: Array, offset: Array, split: Array) -> Self:
-        """Judge how near robots are to a stand, and which are alike."""
-        balance = np.exp(-((offset / BALANCED) ** 2) - (split / SPLIT) ** 2)
-        on_soles = flatness * (0.3 + 0.7 * balance)
-        upright = np.maximum(up[:, 2], 0.0) * flatness * balance
-        cells = [
-            np.round(up / GRAVITY_STEP),
-            np.floor(neck / NECK_STEP),
-            np.minimum(np.floor(flatness * FLAT_STEPS), FLAT_STEPS - 1),
-            np.minimum(np.floor(offset / OFFSET_STEP), MOST_OFFSET),
-        ]
-        places = [up, neck[:, None], 0.5 * flatness[:, None], 0.3 * offset[:, None]]
-        return cls(
-            progress=0.35 * np.clip(neck, 0.0, 1.0) + 0.35 * on_soles + 0.3 * upright,
-            cells=np.column_stack(cells).astype(int),
-            places=np.hstack(places),
-            up=up,
-            neck=neck,
-            flatness=flatness,
-            offset=offset,
-            split=split,
-        )
-
 
 class StandMeter:
     """Measures how near robots are to a stand, in one world."""
@@ -119,12 +95,29 @@ class StandMeter:
         lifted = np.maximum(soles[..., 2] - support(soles) - ON_GROUND, 0.0)
         flat = np.clip(turned, 0.0, 1.0) * np.exp(-lifted / (SOLE_REACH * self._leg))
         between = soles[..., :2].mean(axis=1)
-        return StandFeatures.of(
-            up=_find_up(qpos[:, self._layout.root_orientation]),
-            neck=(neck[:, 2] - support(neck)) / self._world.robot.standing_neck_height,
-            flatness=flat.min(axis=1),
-            offset=np.linalg.norm(center[:, :2] - between, axis=1) / self._leg,
-            split=np.maximum(_measure_apart(soles) - self._apart, 0.0) / self._leg,
+        flatness, up = flat.min(axis=1), _find_up(qpos[:, self._layout.root_orientation])
+        height = (neck[:, 2] - support(neck)) / self._world.robot.standing_neck_height
+        offset = np.linalg.norm(center[:, :2] - between, axis=1) / self._leg
+        split = np.maximum(_measure_apart(soles) - self._apart, 0.0) / self._leg
+        balance = np.exp(-((offset / BALANCED) ** 2) - (split / SPLIT) ** 2)
+        on_soles = flatness * (0.3 + 0.7 * balance)
+        upright = np.maximum(up[:, 2], 0.0) * flatness * balance
+        cells = [
+            np.round(up / GRAVITY_STEP),
+            np.floor(height / NECK_STEP),
+            np.minimum(np.floor(flatness * FLAT_STEPS), FLAT_STEPS - 1),
+            np.minimum(np.floor(offset / OFFSET_STEP), MOST_OFFSET),
+        ]
+        places = [up, height[:, None], 0.5 * flatness[:, None], 0.3 * offset[:, None]]
+        return StandFeatures(
+            progress=0.35 * np.clip(height, 0.0, 1.0) + 0.35 * on_soles + 0.3 * upright,
+            cells=np.column_stack(cells).astype(int),
+            places=np.hstack(places),
+            up=up,
+            neck=height,
+            flatness=flatness,
+            offset=offset,
+            split=split,
         )
 
 

@@ -121,8 +121,7 @@ class MotionFinder:
         threads: int = 0,
         monitor: ProgressMonitor | None = None,
     ) -> None:
-        self._world, self._limit = world, torque_limit
-        self._known = known
+        self._world, self._limit, self._known = world, torque_limit, known
         self._threads, self._monitor = threads, monitor
         self._begun: list[CrawlSearch | StartMotions] = []
 

@@ -84,8 +84,6 @@ def _pick_in_order(distance: Array) -> list[int]:
 
 
 RESTS = (REST, 0.0)  # s at each key: where none stands that rests, some may that go on
-
-
 CORRECTIONS = 3  # times that targets are shifted by the error at each key
 FLAT, FADE = 0.1, 0.3  # s around a key in which targets are shifted in full, and until not at all
 MOST_SELECTIONS = 7  # of keys, that are tried one after the other
@@ -227,14 +225,14 @@ class KeyedRise:
         return tuple(
             KeyRecord(
                 posture=key.posture,
-                figures=self._measure_pass(key.name, passed[id(key)])
-                if id(key) in passed
-                else KeyFigures(name=key.name, kept=False, reason=reasons[id(key)]),
+                figures=self._measure(key.name, passed.get(id(key)), reasons.get(id(key), "")),
             )
             for key in self._keys
         )
 
-    def _measure_pass(self, name: str, one: KeyPass) -> KeyFigures:
+    def _measure(self, name: str, one: KeyPass | None, reason: str) -> KeyFigures:
+        if one is None:
+            return KeyFigures(name=name, kept=False, reason=reason)
         return KeyFigures(
             name=name,
             kept=one.is_kept,

@@ -55,8 +55,6 @@ _JUDGING = (
     f"tests/{_EXPERIMENTS}/judging",
     "-k=not test_it_s and not one_outcome",  # whole rises: slow, and noticed by the rest
 )
-_ROLLOUTS = (f"tests/{_EXPERIMENTS}/rollouts",)
-_DISTURBANCES = (f"tests/{_EXPERIMENTS}/disturbances",)
 _BODY = ("tests/robots/body",)
 _PLANNING = "tests/humanoid_getup/planning"
 TARGETS: dict[str, tuple[str, ...]] = {
@@ -84,17 +82,17 @@ TARGETS: dict[str, tuple[str, ...]] = {
     f"{_EXPERIMENTS}/judging/standing.py": _JUDGING,
     f"{_EXPERIMENTS}/judging/judge.py": _JUDGING,
     f"{_EXPERIMENTS}/judging/outcome.py": _JUDGING,
-    f"{_EXPERIMENTS}/judging/running_outcome.py": _JUDGING,
     f"{_EXPERIMENTS}/judging/torque.py": _JUDGING,
     f"{_EXPERIMENTS}/judging/lying.py": _JUDGING,
     f"{_EXPERIMENTS}/judging/summary.py": _JUDGING,
-    f"{_EXPERIMENTS}/rollouts/play.py": _ROLLOUTS,
-    f"{_EXPERIMENTS}/rollouts/early_stop.py": _ROLLOUTS,
-    f"{_EXPERIMENTS}/disturbances/disturbance.py": _DISTURBANCES,
-    f"{_EXPERIMENTS}/disturbances/distributions.py": _DISTURBANCES,
+    f"{_EXPERIMENTS}/rollouts.py": (f"tests/{_EXPERIMENTS}/rollouts",),
+    f"{_EXPERIMENTS}/disturbances.py": (f"tests/{_EXPERIMENTS}/disturbances",),
     "humanoid_getup/progress/ledger.py": ("tests/humanoid_getup/progress/test_ledger.py",),
     "humanoid_getup/execution/session.py": ("tests/humanoid_getup/execution/test_session.py",),
-    "sim2real/policy_evaluation.py": ("tests/sim2real/test_policy_evaluation.py",),
+    "sim2real/policy_evaluation.py": (
+        "tests/sim2real/test_policy_evaluation.py",
+        f"tests/{_EXPERIMENTS}/judging/test_running_outcome.py",
+    ),
     "sim2real/environment/rewards.py": ("tests/sim2real/environment/test_rewards.py",),
     "humanoid_getup/playback/monitors.py": (
         "tests/humanoid_getup/playback/test_monitors.py",

@@ -76,8 +76,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "humanoid_getup/filtering/candidate.py": ("tests/humanoid_getup/filtering/test_reference.py",),
     "humanoid_getup/filtering/tracking.py": (
         "tests/humanoid_getup/filtering/test_dynamics_filter.py",
-        "tests/humanoid_getup/filtering/test_virtual_actuator.py",
-        "tests/humanoid_getup/filtering/test_yielding.py",
+        "tests/humanoid_getup/filtering/test_tracking.py",
     ),
     f"{_EXPERIMENTS}/judging/standing.py": _JUDGING,
     f"{_EXPERIMENTS}/judging/judge.py": _JUDGING,

@@ -33,8 +33,7 @@ from robots.kinematics import read_posture
 from robots.quaternion import Array
 from robots.storage.encoding import to_json, to_plain
 from robots.storage.files import write_atomically
-from sim2real.environment.physics.model_variants import MODEL_VARIANTS
-from sim2real.environment.physics.training_world import build_training_world
+from sim2real.environment.training_world import MODEL_VARIANTS, build_training_world
 from sim2real.perturbations import Perturbation, PolicyTrial, summarize_rollouts
 from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts
 

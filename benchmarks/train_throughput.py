@@ -46,7 +46,7 @@ from humanoid_getup.policy.observation import Floats
 from robots import Robot, load_robot
 from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts import StartPool
 from sim2real.training.config import RECIPES, STEPS, Recipe
 from sim2real.training.library_threads import numpy_threads
 from sim2real.training.styled_training import keep_prior

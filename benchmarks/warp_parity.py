@@ -30,10 +30,9 @@ from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import load_robot
 from robots.quaternion import Array
-from sim2real.environment.physics.model_variants import MODEL_VARIANTS
-from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.environment.physics.training_world import build_training_world
-from sim2real.environment.starts.start_states import SETTLED_SPEED
+from sim2real.environment.starts import SETTLED_SPEED
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import MODEL_VARIANTS, build_training_world
 from sim2real.policy_evaluation import PolicyDriver, roll_out_policy
 
 STATES, STEPS_BETWEEN = 24, 4  # of each fall, from which single steps are compared

@@ -24,9 +24,14 @@ from robots.kinematics import place
 from robots.quaternion import Array
 from robots.servo import LimitMode
 from sim2real.environment.env_options import NOISE
-from sim2real.environment.physics.model_variants import MODEL_VARIANTS, ModelVariant, backlash
-from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import (
+    LONGEST_DELAY,
+    MODEL_VARIANTS,
+    ModelVariant,
+    backlash,
+    build_training_world,
+)
 from sim2real.policy_evaluation import (
     DURATION,
     PolicyDriver,

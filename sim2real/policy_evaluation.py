@@ -32,7 +32,7 @@ from humanoid_getup.policy.style_follower import StyleChoice, StyleFollower
 from humanoid_getup.style.features import COUNT
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.environment.physics.training_simulation import TrainingSim
+from sim2real.environment.training_simulation import TrainingSim
 
 RECENT = 2.0  # s at the end, over which the speed of a stand is measured
 

@@ -17,7 +17,7 @@ class DomainParameters:
     """Body, servos, sensors and ground of each of N robots.
 
     :class:`VecSim` applies what acts in physics. Delays, encoder offsets, backlash and IMU
-    errors act in :class:`sim2real.environment.physics.training_simulation.TrainingSim` alone.
+    errors act in :class:`sim2real.environment.training_simulation.TrainingSim` alone.
     """
 
     mass: Array

@@ -11,7 +11,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.style.curve_tracker import CurveTracker
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.pose_prior.pose_prior import PosePrior
+from sim2real.pose_prior import PosePrior
 
 
 class DirectHead:

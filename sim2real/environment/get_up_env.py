@@ -35,17 +35,16 @@ from sim2real.environment.episodes import (
     Episodes,
     LevelCurriculum,
 )
-from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.environment.physics.training_world import (
+from sim2real.environment.privileged_state import list_critic_terms, observe_privileged
+from sim2real.environment.rewards import RewardInputs, score
+from sim2real.environment.starts import StartPool, list_motion_starts, sample_stands
+from sim2real.environment.style_task import StyleTask
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import (
     LONGEST_DELAY,
     build_training_world,
     fit_step,
 )
-from sim2real.environment.privileged_state import list_critic_terms, observe_privileged
-from sim2real.environment.rewards import RewardInputs, score
-from sim2real.environment.starts.start_pool import StartPool
-from sim2real.environment.starts.start_states import list_motion_starts, sample_stands
-from sim2real.environment.styled.style_task import StyleTask
 
 Endings = tuple[NDArray[np.int_], NDArray[np.bool_]]
 """Rows in the pool where episodes began, and whether they ended standing, (E,)."""

@@ -11,9 +11,9 @@ from humanoid_getup.simulation.physics_engine import PhysicsEngine, PhysicsName
 from robots import load_robot
 from sim2real.environment.env_options import PHYSICS_STEP, RANDOMIZATIONS, EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.rewards import REWARDS
-from sim2real.environment.starts.start_states import make_pool, pool_rng
+from sim2real.environment.starts import make_pool, pool_rng
+from sim2real.environment.training_world import build_training_world
 
 
 @dataclass(frozen=True, kw_only=True)

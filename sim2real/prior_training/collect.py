@@ -21,11 +21,11 @@ from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Posture, Robot, load_robot
 from robots.kinematics import place_postures, transfer_positions
-from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.environment.physics.training_world import build_training_world
-from sim2real.environment.starts.start_states import drop_falls
+from sim2real.environment.starts import drop_falls
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import build_training_world
 from sim2real.policy_evaluation import PolicyDriver, roll_out_policy
-from sim2real.pose_prior.rise_set import PERIOD, POLICY_SOURCE, CollectedRise
+from sim2real.pose_prior import PERIOD, POLICY_SOURCE, CollectedRise
 
 PRIOR_SEED = 7_003  # makes these falls differ from those of trainings and evaluations
 LONGEST = 8.0  # s of a policy's rollout

@@ -12,8 +12,7 @@ from torch import nn
 from humanoid_getup.style.features import COUNT, mirror_features
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.pose_prior.pose_prior import Network, PosePrior
-from sim2real.pose_prior.rise_set import RiseSet
+from sim2real.pose_prior import Network, PosePrior, RiseSet
 from sim2real.training.library_threads import torch_threads
 
 VARIANCE = 0.85  # share of the postures' variance that the latent parameters account for

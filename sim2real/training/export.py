@@ -25,8 +25,7 @@ from robots import Robot
 from robots.storage.files import atomic_path
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import TrainingRecord
-from sim2real.training.networks.styled_network import StyledNetwork
-from sim2real.training.networks.symmetric_model import MirroredNormalizer, SymmetricModel
+from sim2real.training.networks import MirroredNormalizer, StyledNetwork, SymmetricModel
 from sim2real.training.ppo import AVERAGE
 from sim2real.training.runner import Mirrors, build_config
 from sim2real.training.styled_training import load_head

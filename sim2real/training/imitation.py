@@ -20,7 +20,7 @@ from tensordict import TensorDict
 
 from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.styled.style_task import StyleTask
+from sim2real.environment.style_task import StyleTask
 from sim2real.training.rsl_rl_env import RslEnv
 
 REPLAYED = 150  # policy steps in which motions are replayed

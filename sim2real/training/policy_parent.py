@@ -16,9 +16,9 @@ from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_mod
 from humanoid_getup.policy.onnx_policy import SUFFIX
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.pose_prior.pose_prior import PosePrior
+from sim2real.pose_prior import PosePrior
 from sim2real.training.config import Recipe
-from sim2real.training.networks.styled_network import list_prior_arrays
+from sim2real.training.networks import list_prior_arrays
 
 LAYERS = re.compile(r"mlp\.(kept|turned)\.\d+\.weight|mlp\.kept\.\d+\.bias|mlp\.\d+\.(weight|bias)")
 MEAN, ACTOR = "_mean", "actor."

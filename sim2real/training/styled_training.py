@@ -17,11 +17,9 @@ from robots import Robot
 from robots.body.parts import leg_length
 from robots.storage.files import atomic_path
 from sim2real.environment.action_heads import PriorHead
-from sim2real.environment.starts.terrain import Terrain, build_terrain
-from sim2real.environment.styled.curve_library import build_library
-from sim2real.environment.styled.style_task import StyleTask
-from sim2real.pose_prior.pose_prior import PosePrior
-from sim2real.pose_prior.rise_set import RiseSet
+from sim2real.environment.style_task import StyleTask, build_library
+from sim2real.environment.terrain import Terrain, build_terrain
+from sim2real.pose_prior import PosePrior, RiseSet
 from sim2real.training.config import StyleRecipe
 from sim2real.training.policy_parent import check_decoder, is_policy_file
 

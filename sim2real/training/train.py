@@ -22,10 +22,9 @@ from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 from sim2real.environment.env_options import PHYSICS_STEP, RANDOMIZATIONS, EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.rewards import REWARDS
-from sim2real.environment.starts.start_pool import StartPool
-from sim2real.environment.starts.start_states import (
+from sim2real.environment.starts import (
+    StartPool,
     list_rises,
     make_backward_pool,
     make_pool,
@@ -33,7 +32,8 @@ from sim2real.environment.starts.start_states import (
     pool_rng,
     sample_terrain_stands,
 )
-from sim2real.environment.starts.terrain import Terrain
+from sim2real.environment.terrain import Terrain
+from sim2real.environment.training_world import build_training_world
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE, Recipe, TrainingRecord, check_recipe
 from sim2real.training.distributed import DistributedProcess

@@ -10,9 +10,8 @@ from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import mirror_positions
-from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
-from sim2real.environment.starts.start_pool import StartPool
-from sim2real.environment.starts.start_states import drop_falls
+from sim2real.environment.starts import StartPool, drop_falls
+from sim2real.environment.training_world import LONGEST_DELAY, build_training_world
 
 PHYSICS_STEP = 0.004  # s
 

@@ -19,9 +19,8 @@ from robots import Robot, load_robot
 from robots.kinematics import place
 from sim2real import perturbations
 from sim2real.environment.env_options import ObservationNoise
-from sim2real.environment.physics.model_variants import MODEL_VARIANTS
-from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.environment.physics.training_world import build_training_world
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import MODEL_VARIANTS, build_training_world
 from sim2real.perturbations import Perturbation, PolicyTrial, make_parameters, summarize_rollouts
 from sim2real.policy_evaluation import (
     PolicyDriver,

@@ -3,8 +3,7 @@
 import numpy as np
 
 from robots import Robot
-from sim2real.pose_prior.pose_prior import Network, PosePrior
-from sim2real.pose_prior.rise_set import CollectedRise, RiseSet
+from sim2real.pose_prior import CollectedRise, Network, PosePrior, RiseSet
 
 RIGHT = np.pi / 2
 

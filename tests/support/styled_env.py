@@ -9,9 +9,8 @@ from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.env_options import EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.rewards import REWARDS
-from sim2real.environment.starts.start_pool import StartPool
-from sim2real.environment.styled.curve_library import CurveLibrary
-from sim2real.environment.styled.style_task import StyleTask
+from sim2real.environment.starts import StartPool
+from sim2real.environment.style_task import CurveLibrary, StyleTask
 
 SAMPLES = 5
 

@@ -64,8 +64,7 @@ def make_prior(request: PriorRequest, monitor: ProgressMonitor) -> MadePrior:
     robot = load_robot(request)
     monitor.begin("loading torch")
     with needing("train"):
-        from sim2real.pose_prior.pose_prior import PosePrior
-        from sim2real.pose_prior.rise_set import RiseSet
+        from sim2real.pose_prior import PosePrior, RiseSet
         from sim2real.prior_training.collect import collect_rises, load_policy
         from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
         from sim2real.training.styled_training import PRIOR, RISES

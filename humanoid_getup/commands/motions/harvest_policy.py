@@ -18,7 +18,7 @@ from humanoid_getup.policy.onnx_policy import find_policy
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Robot
-from sim2real.motion_discovery.discovery import Discovery, MotionDiscovery
+from sim2real.motion_discovery import Discovery, MotionDiscovery
 
 RISES = 48
 

@@ -19,8 +19,8 @@ from humanoid_getup.policy.onnx_policy import LONGEST, OnnxPolicy, PolicyError
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion
-from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.environment.physics.training_world import build_training_world
+from sim2real.environment.training_simulation import TrainingSim
+from sim2real.environment.training_world import build_training_world
 
 PERIOD = 0.008
 

@@ -18,7 +18,7 @@ from sim2real.environment.episodes import HELD, TO_OPEN
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.registration import NAME
 from sim2real.environment.rewards import Reward, stands
-from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts import StartPool
 
 FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
 STANDING = replace(FALLEN, falls=0.0, motions=0.0)

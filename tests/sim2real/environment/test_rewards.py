@@ -7,7 +7,6 @@ import pytest
 from nonempty import nonempty
 
 from robots.kinematics import place
-from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.rewards import (
     MOST_REQUESTED,
     NECK_LOW,
@@ -32,6 +31,7 @@ from sim2real.environment.rewards import (
     torque,
     way_up,
 )
+from sim2real.environment.training_simulation import TrainingSim
 
 STANDING = RewardInputs(
     height=np.array([1.0]),

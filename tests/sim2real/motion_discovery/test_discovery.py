@@ -17,9 +17,16 @@ from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place
-from sim2real.motion_discovery import discovery
-from sim2real.motion_discovery.discovery import Replay, group_rises, name_kind
-from sim2real.motion_discovery.policy_rise import BALANCING, SMOOTHINGS, PolicyRise, shape
+from sim2real import motion_discovery as discovery
+from sim2real.motion_discovery import (
+    BALANCING,
+    SMOOTHINGS,
+    PolicyRise,
+    Replay,
+    group_rises,
+    name_kind,
+    shape,
+)
 
 
 def make_replay(world: World, sides: list[str], bend: float = 0.0) -> Replay:

@@ -15,8 +15,7 @@ from nonempty import nonempty
 from humanoid_getup.commands.learn.make_prior import PriorRequest, make_prior
 from humanoid_getup.style.features import mirror_features
 from robots import Robot
-from sim2real.pose_prior.pose_prior import PosePrior
-from sim2real.pose_prior.rise_set import PERIOD, RiseSet
+from sim2real.pose_prior import PERIOD, PosePrior, RiseSet
 from sim2real.prior_training.collect import (
     EndPlan,
     PriorPiece,

@@ -20,11 +20,11 @@ from humanoid_getup.policy.observation import Mirror
 from robots import Robot
 from sim2real.environment.env_options import EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts import StartPool
 from sim2real.training import runner as runner_module
 from sim2real.training.config import RECIPES
 from sim2real.training.distributed import DistributedProcess
-from sim2real.training.networks.symmetric_model import SymmetricModel, as_exchange
+from sim2real.training.networks import SymmetricModel, as_exchange
 from sim2real.training.ppo import AVERAGE, UPDATES, AveragingPPO
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
 from sim2real.training.runner import TrainingRunner, build_config

@@ -15,7 +15,7 @@ from humanoid_getup.policy.action import ActionSpec
 from robots import Robot
 from sim2real.environment.env_options import EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts import StartPool
 from sim2real.training.config import RECIPES, STEPS
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.overlapped_runner import MOST_WEIGHT, OverlappedRunner, weigh_by_newest

@@ -24,7 +24,7 @@ from humanoid_getup.style.style import load_style
 from robots import Robot
 from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts import StartPool
 from sim2real.training import imitation, runner
 from sim2real.training.config import RECIPES, Recipe, TrainingRecord
 from sim2real.training.export import export_policy

@@ -22,7 +22,7 @@ from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import list_terms
 from robots import Robot
-from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts import StartPool
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE, Recipe, TrainingRecord
 from sim2real.training.export import export_policy

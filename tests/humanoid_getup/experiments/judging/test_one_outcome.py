@@ -75,8 +75,8 @@ def test_an_early_stop_changes_no_figure_of_the_way_up(world, run, rollout):
 
 @pytest.mark.train
 def test_training_judges_a_rollout_as_it_is(op3, run, rollout):
-    physics = pytest.importorskip("sim2real.environment.physics.training_simulation")
-    from sim2real.environment.physics.training_world import build_training_world
+    physics = pytest.importorskip("sim2real.environment.training_simulation")
+    from sim2real.environment.training_world import build_training_world
 
     start, targets, _ = run
     training = build_training_world(op3, FLAT_SCENE, op3.choose_timestep(0.002))

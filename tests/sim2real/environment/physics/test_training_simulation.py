@@ -17,9 +17,8 @@ from robots.kinematics import place
 from robots.servo import CURRENT, PWM
 from sim2real.environment.env_options import ALL as R
 from sim2real.environment.env_options import ObservationNoise
-from sim2real.environment.physics.model_variants import backlash
-from sim2real.environment.physics.training_simulation import BACKLASH_TORQUE, TrainingSim
-from sim2real.environment.physics.training_world import build_training_world
+from sim2real.environment.training_simulation import BACKLASH_TORQUE, TrainingSim
+from sim2real.environment.training_world import backlash, build_training_world
 
 CYCLES = 6
 

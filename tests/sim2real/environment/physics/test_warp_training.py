@@ -10,7 +10,7 @@ from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import place
 from sim2real.environment.env_options import ALL
-from sim2real.environment.physics.training_simulation import TrainingSim
+from sim2real.environment.training_simulation import TrainingSim
 
 pytestmark = pytest.mark.warp
 CYCLES, N = 6, 4

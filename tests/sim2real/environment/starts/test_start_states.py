@@ -16,12 +16,13 @@ from humanoid_getup.simulation.world import World
 from robots import load_robot
 from robots.body.parts import find_arm_joints
 from sim2real.environment.get_up_factory import make_get_up
-from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.environment.starts.start_pool import LEAST, StartPool
-from sim2real.environment.starts.start_states import (
+from sim2real.environment.starts import (
+    LEAST,
+    StartPool,
     make_backward_pool,
     sample_stands,
 )
+from sim2real.environment.training_simulation import TrainingSim
 from sim2real.training.config import RECIPES
 from sim2real.training.train import load_pool
 

@@ -13,9 +13,9 @@ from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.body.parts import leg_length
 from robots.kinematics import place
-from sim2real.environment.physics.training_world import build_training_world
-from sim2real.environment.starts.start_states import make_terrain_pool, sample_terrain_stands
-from sim2real.environment.starts.terrain import LEVELS, SLOPES, Terrain, build_terrain
+from sim2real.environment.starts import make_terrain_pool, sample_terrain_stands
+from sim2real.environment.terrain import LEVELS, SLOPES, Terrain, build_terrain
+from sim2real.environment.training_world import build_training_world
 
 PHYSICS_STEP = 0.006  # s
 UP = np.array([0.0, 0.0, 1.0])

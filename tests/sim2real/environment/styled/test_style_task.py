@@ -20,9 +20,15 @@ from robots import Robot, quaternion
 from robots.kinematics import place
 from sim2real.environment.action_heads import BEGIN, LARGEST, AnkleBalance, PriorHead
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.starts.start_pool import StartPool
-from sim2real.environment.styled.curve_library import NEAR, CurveLibrary
-from sim2real.environment.styled.style_task import GRACE, HEAD_UP, TERMINATION_TIME, StyleTask
+from sim2real.environment.starts import StartPool
+from sim2real.environment.style_task import (
+    GRACE,
+    HEAD_UP,
+    NEAR,
+    TERMINATION_TIME,
+    CurveLibrary,
+    StyleTask,
+)
 
 RIGHT = np.pi / 2
 STEP = 0.048  # s

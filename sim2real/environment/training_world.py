@@ -1,13 +1,18 @@
-"""Model variants: physics other than those of training, for the evaluation of policies."""
+"""The world of training: a robot in a scene, with all sensors of training, and its variants."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
 
+from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.simulation.world import World, add_contact_sensor, add_stance_sensors
 from robots import Robot, quaternion
+from robots.body.parts import list_head_joints
+from robots.kinematics import imu_in_torso
 
 MENAGERIE = {"kp": 21.1, "damping": 1.084, "armature": 0.045, "frictionloss": 0.03, "torque": 5.0}
 """Servo figures of mujoco_menagerie's robotis_op3: N·m/rad, N·m·s/rad, kg·m², N·m, N·m."""
@@ -106,3 +111,74 @@ MODEL_VARIANTS: dict[str, ModelVariant] = {
     "capsules": capsules,
     MENAGERIE_SERVOS: menagerie_servos,
 }
+
+
+WHOLE = 1e-9  # of a step, within which a quotient counts as whole
+LONGEST_DELAY = 0.064  # s that the delay buffers hold
+
+
+def build_training_world(
+    robot: Robot,
+    scene: Scene,
+    timestep: float,
+    longest_delay: float = 0.0,
+    variants: Sequence[ModelVariant] = (),
+) -> World:
+    """Compile a robot in a scene with joint sensors, IMU, stance and head sensors.
+
+    A control period must be a multiple of the physics step [s]; delay buffers hold targets and
+    measurements for the longest delay [s].
+    """
+    spec = scene.build(robot)
+    spec.option.timestep = timestep
+    for vary in variants:
+        vary(spec, robot)
+    samples = int(np.ceil(longest_delay / spec.option.timestep - 1e-9))
+    sensor, obj = mujoco.mjtSensor, mujoco.mjtObj
+    for name in robot.joint_names:
+        for kind, label in ((sensor.mjSENS_JOINTPOS, "pos"), (sensor.mjSENS_JOINTVEL, "vel")):
+            spec.add_sensor(
+                name=f"{label}_{name}", type=kind, objtype=obj.mjOBJ_JOINT, objname=name
+            )
+    imu = {"objtype": obj.mjOBJ_SITE, "objname": robot.require_imu_site()}
+    spec.add_sensor(name="imu_gyro", type=sensor.mjSENS_GYRO, **imu)
+    spec.add_sensor(name="imu_orientation", type=sensor.mjSENS_FRAMEQUAT, **imu)
+    for element in (*spec.sensors, *spec.actuators):
+        element.nsample = samples
+    add_stance_sensors(spec, robot)
+    for name in list_head_joints(robot)[-1:]:
+        head = spec.joint(name).parent.name
+        add_contact_sensor(spec, "head_contact", head, subtree=True)
+        spec.add_sensor(
+            name="head_velocity",
+            type=sensor.mjSENS_FRAMELINVEL,
+            objtype=obj.mjOBJ_BODY,
+            objname=head,
+        )
+    return World(robot, scene, model=spec.compile())
+
+
+def fit_step(longest: float, step_time: float) -> float:
+    """Return the longest physics step up to ``longest`` that divides a policy step [s]."""
+    count = step_time / longest
+    return longest if abs(count - round(count)) < WHOLE else step_time / math.ceil(count)
+
+
+class SensorAddresses:
+    """Addresses of a training world's sensors in MuJoCo's sensor data."""
+
+    def __init__(self, world: World) -> None:
+        model, robot = world.model, world.robot
+
+        def at(name: str) -> int:
+            return int(model.sensor(name).adr[0])
+
+        self.joint_pos = np.array([at(f"pos_{name}") for name in robot.joint_names])
+        self.joint_vel = np.array([at(f"vel_{name}") for name in robot.joint_names])
+        self.gyro = at("imu_gyro") + np.arange(3)
+        self.orientation = at("imu_orientation") + np.arange(4)
+        self.imu_in_torso = np.array(imu_in_torso(robot, model))
+        has_head = bool(list_head_joints(robot))
+        self.head_contact = at("head_contact") + np.arange(1) if has_head else np.arange(0)
+        self.head_velocity = at("head_velocity") + np.arange(3) if has_head else np.arange(0)
+        self.is_delayed = model.sensor_history[:, 0] > 0

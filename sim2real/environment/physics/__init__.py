@@ -1,1 +1,0 @@
-"""Robots of a training: their physics and their differences."""

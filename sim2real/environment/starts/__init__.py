@@ -1,1 +1,0 @@
-"""Initial states of training episodes."""

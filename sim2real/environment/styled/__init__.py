@@ -1,1 +1,0 @@
-"""Style curves in training: curves, actions by a pose prior, rewards."""

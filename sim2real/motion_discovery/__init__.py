@@ -1,1 +1,0 @@
-"""Motions from a learned policy: its rises, smoothed and replayed open loop."""

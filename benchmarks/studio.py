@@ -29,7 +29,7 @@ from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.follow_style import RolloutRequest, StyledTwin
 from humanoid_getup.studio.studio import Studio
-from humanoid_getup.studio.takes.rise_take import make_rise_take
+from humanoid_getup.studio.takes import make_rise_take
 from humanoid_getup.style.style import load_style
 from humanoid_getup.style.style_editor import StyleEditor
 from robots import load_robot

@@ -17,8 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.curves import extract_curves, measure_features
+from humanoid_getup.style.curves import StyleCurves, extract_curves, measure_features
 from humanoid_getup.style.features import COUNT, mirror_features
 from robots import Robot
 from robots.quaternion import Array

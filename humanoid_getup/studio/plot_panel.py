@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from humanoid_getup.studio.plain_text import make_legend
-from humanoid_getup.studio.takes.take import Plot, Take
+from humanoid_getup.studio.takes import Plot, Take
 from robots.quaternion import Array
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 from humanoid_getup.studio.plain_text import escape
 from humanoid_getup.studio.plot_panel import PlotPanel
 from humanoid_getup.studio.stage import Picture, Stage
-from humanoid_getup.studio.takes.take import Take
+from humanoid_getup.studio.takes import Take
 from robots.quaternion import Array
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from humanoid_getup.studio.boards.state_board import (
     read_search_map,
 )
 from humanoid_getup.studio.plain_text import escape, make_block
-from humanoid_getup.studio.takes.rise_take import make_motion_take, make_way_take, place_way
+from humanoid_getup.studio.takes import make_motion_take, make_way_take, place_way
 from robots.kinematics import place, read_posture
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import make_block, make_table
-from humanoid_getup.studio.takes.take import Mark, Plot, Take
+from humanoid_getup.studio.takes import Mark, Plot, Take
 from robots.kinematics import transfer_positions
 
 SUFFIX = ".mcap"

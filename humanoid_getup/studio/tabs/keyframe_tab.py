@@ -22,7 +22,7 @@ from humanoid_getup.studio.key_store import KeyDraft, KeyStore
 from humanoid_getup.studio.page import Page, add_button_row
 from humanoid_getup.studio.plain_text import escape
 from humanoid_getup.studio.pose_robot import Squats
-from humanoid_getup.studio.takes.rise_take import locate_key, make_key_take
+from humanoid_getup.studio.takes import locate_key, make_key_take
 from robots.quaternion import Array
 
 ENDS: tuple[EndClass, ...] = get_args(EndClass)

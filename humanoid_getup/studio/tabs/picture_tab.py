@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import viser
 
     from humanoid_getup.studio.page import Page
-    from humanoid_getup.studio.takes.take import Take
+    from humanoid_getup.studio.takes import Take
 
 MOST_PIXELS = 1280  # in a row
 TIMEOUT = 30.0  # s for a browser to draw a picture

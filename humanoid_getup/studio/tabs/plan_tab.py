@@ -12,7 +12,7 @@ from humanoid_getup.commands.get_up.rise import RiseRequest, rise
 from humanoid_getup.commands.options import Prefer, write_command
 from humanoid_getup.commands.output_files import staging
 from humanoid_getup.studio.plain_text import make_block, name_side
-from humanoid_getup.studio.takes.rise_take import make_rise_take
+from humanoid_getup.studio.takes import make_rise_take
 from robots import Posture
 from robots.description.posture_file import format_posture
 from robots.kinematics import read_posture
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from humanoid_getup.commands.get_up.results import FinishedRise
     from humanoid_getup.progress.worker import BackgroundJob
     from humanoid_getup.studio.page import Page
-    from humanoid_getup.studio.takes.take import Take
+    from humanoid_getup.studio.takes import Take
 
 OWN, THE_PLAN, NOTHING = "the robot's own", "the plan", "nothing"
 NO_RISES: tuple[str, ...] = (NOTHING,)

@@ -28,7 +28,7 @@ from humanoid_getup.studio.follow_style import (
 )
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
-from humanoid_getup.studio.takes.rise_take import make_rollout_take
+from humanoid_getup.studio.takes import make_rollout_take
 from humanoid_getup.style.curves import LONGEST, POINTS, SHORTEST, is_stand
 from humanoid_getup.style.features import mirror_features
 from humanoid_getup.style.style import SUFFIX, Style, list_styles, load_style

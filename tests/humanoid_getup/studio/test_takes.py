@@ -15,7 +15,7 @@ from humanoid_getup.commands.look.replay import ReplayedFlight, ReplayRequest, r
 from humanoid_getup.reporting.measured_flight import Cut, CutKind
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.tabs.flight_tab import MOST_CUTS, make_take
-from humanoid_getup.studio.takes.rise_take import make_rise_take
+from humanoid_getup.studio.takes import make_rise_take
 from robots import Robot, load_robot
 
 LEAST = 0.02  # s, that are seen

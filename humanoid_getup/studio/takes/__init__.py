@@ -1,1 +1,0 @@
-"""Takes: what the timeline can scrub through, and how results become one."""

@@ -1,12 +1,24 @@
 from collections.abc import Iterator
+from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from studio_page import OPTIONS, find_chromium
+from studio_page import OPTIONS, SHARED, find_chromium
+
+from humanoid_getup.progress import worker
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+
+PRELOADED = (
+    "humanoid_getup.commands.get_up.rise",
+    "humanoid_getup.commands.look.replay",
+    "humanoid_getup.commands.motions.discover_motions",
+    "humanoid_getup.commands.motions.import_keys",
+    "humanoid_getup.studio.edit_keys",
+    "humanoid_getup.studio.pose_robot",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -25,4 +37,15 @@ def browser() -> Iterator["Browser"]:
     with api.sync_playwright() as play:
         opened = play.chromium.launch(executable_path=chromium, args=list(OPTIONS))
         yield opened
+        SHARED.close()
         opened.close()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def job_server() -> Iterator[None]:
+    """Fork the processes of jobs from one that has imported what they need, as it takes seconds."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload(list(PRELOADED))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(worker, "SPAWN", context)
+        yield

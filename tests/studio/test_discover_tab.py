@@ -19,7 +19,7 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.boards.state_board import WAY_UP, MappedState, read_search_map
-from humanoid_getup.studio.takes.rise_take import make_motion_take
+from humanoid_getup.studio.takes import make_motion_take
 from robots import Robot, load_robot
 from robots.kinematics import place
 

@@ -5,7 +5,7 @@ import numpy as np
 from PIL import Image, ImageSequence
 from studio_page import open_studio
 
-from humanoid_getup.studio.takes.take import Take
+from humanoid_getup.studio.takes import Take
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

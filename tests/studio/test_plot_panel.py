@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("viser")
 
 from humanoid_getup.studio.plot_panel import PlotPanel, find_range
-from humanoid_getup.studio.takes.take import Plot, Take
+from humanoid_getup.studio.takes import Plot, Take
 
 
 class Chart:

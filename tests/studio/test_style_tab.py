@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from studio_page import StudioPage, open_studio
+from studio_page import StudioPage, lay_down, open_studio
 from waiting import LONGEST_WAIT, wait_until
 
 pytest.importorskip("viser", reason="needs the studio extra")
 
 from humanoid_getup.studio.tabs.style_tab import StyleTab
-from humanoid_getup.studio.takes.take import Take
+from humanoid_getup.studio.takes import Take
 from humanoid_getup.style.style import load_style, write_style
 from humanoid_getup.style.style_editor import find_rise
 from robots import load_robot
@@ -29,8 +29,7 @@ class StyleDesk:
     def __init__(self, studio: Any, window: StudioPage) -> None:
         self.studio, self.window = studio, window
         self.tab: StyleTab = studio.tabs["Style"]
-        window.click("Random fall")
-        window.see("A fall that settled supine")
+        lay_down(studio, "supine")
         window.open_tab("Style")
 
     @contextmanager

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from studio_page import open_studio
 
-from humanoid_getup.studio.takes.take import Take
+from humanoid_getup.studio.takes import Take
 
 # The page writes the field in each picture: it is replaced in one step, or the text is added to it.
 TYPE = """(input, text) => {

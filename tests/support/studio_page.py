@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from waiting import LONGEST_WAIT
 
-from robots import quaternion
+from humanoid_getup.experiments.starts.falls import sample_fall_set
+from humanoid_getup.simulation.world import World
+from robots import Posture, load_robot, quaternion
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
@@ -21,6 +25,10 @@ COARSE = "fixedDpr=0.25"  # pixels of the scene for each of the page, in both di
 WINDOW = {"width": 1400, "height": 900}
 # Chromium draws in software where there is no GPU; a sandbox needs rights that containers lack.
 OPTIONS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+DISMISS = """for (const each of document.querySelectorAll("[class*=Notification-closeButton]")) {
+    each.click();
+}"""
 
 
 def find_chromium() -> str | None:
@@ -103,7 +111,7 @@ class StudioPage:
 
 
 @contextmanager
-def open_studio(
+def serve_studio(
     browser: Browser, *, coarse: bool = True, **options: Any
 ) -> Iterator[tuple[Any, StudioPage]]:
     """Serve a studio at a free port; open it in a window, and wait until its elements are there.
@@ -117,8 +125,7 @@ def open_studio(
     with Studio(StudioRequest(port=0, **options)) as studio:
         address = studio.address
         if coarse:
-            studio.server.scene.configure_environment_map(None)
-            studio.server.scene.configure_default_lights(cast_shadow=False)
+            simplify_scene(studio)
             address += f"{'&' if '?' in address else '?'}{COARSE}"
         page = browser.new_page(viewport=WINDOW)  # pyright: ignore[reportArgumentType]
         try:
@@ -128,3 +135,71 @@ def open_studio(
             yield studio, shown
         finally:
             page.close()
+
+
+def simplify_scene(studio: Any) -> None:
+    """Leave out reflections and shadows, on this page and on those that replace it."""
+    scene = studio.server.scene
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(cast_shadow=False)
+    scene.configure_environment_map = scene.configure_default_lights = lambda *_, **__: None
+
+
+class SharedStudio:
+    """A studio in a window for many tests, each of which gets another page in it."""
+
+    def __init__(self) -> None:
+        self._opened: tuple[Any, StudioPage] | None = None
+        self._stack, self._count = ExitStack(), 0
+
+    @contextmanager
+    def open(self, browser: Browser, **options: Any) -> Iterator[tuple[Any, StudioPage]]:
+        """Fill the page; after a test that fails, the next one gets a window of its own."""
+        if self._opened is None:
+            self._opened = self._stack.enter_context(serve_studio(browser, **options))
+        else:
+            self._refill(*self._opened, **options)
+        try:
+            yield self._opened
+            self._opened[0].page.rest()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        self._opened = None
+        self._stack.close()
+
+    def _refill(self, studio: Any, window: StudioPage, **options: Any) -> None:
+        from humanoid_getup.commands.look.studio import StudioRequest
+
+        for job in studio.page.jobs:
+            job.wait(LONGEST_WAIT)
+        studio.change(StudioRequest(port=0, **options))
+        self._count += 1
+        studio.page.say(f"Page {self._count}.")
+        window.see(f"Page {self._count}.")
+        window.page.evaluate(DISMISS)
+
+
+SHARED = SharedStudio()
+
+
+@contextmanager
+def open_studio(
+    browser: Browser, *, coarse: bool = True, **options: Any
+) -> Iterator[tuple[Any, StudioPage]]:
+    """Open a page in the window that tests share, or a studio of its own for fine pictures."""
+    opening = SHARED.open if coarse else partial(serve_studio, coarse=False)
+    with opening(browser, **options) as opened:
+        yield opened
+
+
+def lay_down(studio: Any, side: str) -> None:
+    """Pose the robot in a sampled fall of a class."""
+    studio.page.pose(_sample_fall(studio.page.request.robot, side))
+
+
+@cache
+def _sample_fall(robot: str, side: str) -> Posture:
+    return sample_fall_set(World(load_robot(robot)), {side: 1}, 0).falls[0].posture

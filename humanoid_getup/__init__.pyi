@@ -34,7 +34,9 @@ from humanoid_getup.commands.look.export_log import export_log as export_log
 from humanoid_getup.commands.look.replay import ReplayRequest as ReplayRequest
 from humanoid_getup.commands.look.replay import replay_flight as replay_flight
 from humanoid_getup.commands.motions.build_motions import BuildRequest as BuildRequest
+from humanoid_getup.commands.motions.build_motions import RetargetRequest as RetargetRequest
 from humanoid_getup.commands.motions.build_motions import build_motions as build_motions
+from humanoid_getup.commands.motions.build_motions import retarget as retarget
 from humanoid_getup.commands.motions.discover_motions import DiscoverRequest as DiscoverRequest
 from humanoid_getup.commands.motions.discover_motions import discover as discover
 from humanoid_getup.commands.motions.discover_motions import discover_all as discover_all
@@ -46,8 +48,6 @@ from humanoid_getup.commands.motions.import_keys import ImportKeysRequest as Imp
 from humanoid_getup.commands.motions.import_keys import import_keys as import_keys
 from humanoid_getup.commands.motions.preview_motion import PreviewRequest as PreviewRequest
 from humanoid_getup.commands.motions.preview_motion import preview as preview
-from humanoid_getup.commands.motions.retarget_motions import RetargetRequest as RetargetRequest
-from humanoid_getup.commands.motions.retarget_motions import retarget as retarget
 from humanoid_getup.commands.plan.extract_style import ExtractRequest as ExtractRequest
 from humanoid_getup.commands.plan.extract_style import extract_style as extract_style
 from humanoid_getup.commands.plan.plan_path import PlanRequest as PlanRequest

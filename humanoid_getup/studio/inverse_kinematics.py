@@ -41,14 +41,7 @@ class Aim:
     """A site that should be at a pose, with weights of the errors."""
 
     def __init__(self, site: str, pose: EndPose, *, weight: float = 1.0, turn: float = 0.0) -> None:
-        """Prepare.
-
-        Args:
-            site: Its name in the model.
-            pose: Where it should be.
-            weight: Weight of its position.
-            turn: Weight of its orientation [m/rad]; 0 if it does not matter.
-        """
+        """Weigh position and orientation [m/rad]; 0 if the latter does not matter."""
         self._site, self._pose = site, pose
         self._place = mink.FrameTask(site, "site", position_cost=weight, orientation_cost=0.0)
         self._turn = mink.FrameTask(site, "site", position_cost=0.0, orientation_cost=turn)

@@ -64,13 +64,7 @@ class KeyStore:
     """Elements that open, store and import motions."""
 
     def __init__(self, page: Page, draft: KeyDraft, opened: Callable[[Keyframes], None]) -> None:
-        """Add the elements that open motions where the caller is adding them.
-
-        Args:
-            page: The page.
-            draft: The motion that is edited.
-            opened: Called with a motion that was opened.
-        """
+        """Add the elements that open motions, for which ``opened`` is called then."""
         self._page, self._draft, self._opened = page, draft, opened
         self._stored: Keyframes | None = None
         self._file: Path | None = None  # in which it is stored; None for the robot's own

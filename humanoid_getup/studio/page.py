@@ -153,13 +153,10 @@ class Page:
         *,
         over: Callable[[], None] = lambda: None,
     ) -> BackgroundJob[Result]:
-        """Run a job in the background; its end is answered as a callback.
+        """Run a job, a command or a function like one, in the background; answer its end.
 
-        Args:
-            work: A command, or a function like one.
-            request: Its request.
-            ended: Called with its result; a job that failed or was cancelled is told on the page.
-            over: Called at the end of any job, however it ended.
+        ``ended`` gets its result; a job that failed or was cancelled is told on the page. ``over``
+        is called at the end of any job.
         """
         tab = self._find_tab()
         job = BackgroundJob(
@@ -178,9 +175,7 @@ class Page:
     ) -> LatestJob[Request, Result]:
         """Prepare quick work in this process, of which only the newest request counts.
 
-        Args:
-            work: Does a request.
-            ended: Called with each result, as a callback; a failure is told on the page.
+        ``ended`` gets each result, as a callback; a failure is told on the page.
         """
         job = LatestJob(work, self._conclude(ended))
         self._latest.append(job)

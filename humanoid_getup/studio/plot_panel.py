@@ -28,28 +28,18 @@ class PlotPanel:
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add an empty folder where the caller is adding elements."""
         self._gui, self._folder = gui, gui.add_folder("Plots")
-        self._plots: list[_DrawnPlot] = []
+        self.plots: list[_DrawnPlot] = []
 
     def show(self, take: Take) -> None:
         """Replace the plots by those of a take."""
-        for plot in self._plots:
+        for plot in self.plots:
             plot.remove()
         with self._folder:
-            self._plots = [_DrawnPlot(self._gui, take, plot) for plot in take.plots]
-
-    @property
-    def charts(self) -> list[viser.GuiUplotHandle]:
-        """Return what is drawn."""
-        return [plot.chart for plot in self._plots]
-
-    @property
-    def legends(self) -> list[str]:
-        """Return the HTML below each chart."""
-        return [plot.legend.content for plot in self._plots]
+            self.plots = [_DrawnPlot(self._gui, take, plot) for plot in take.plots]
 
     def mark(self, time: float) -> None:
         """Draw the line at a time of the take [s], and write the values there."""
-        for plot in self._plots:
+        for plot in self.plots:
             plot.mark(time)
 
 
@@ -88,7 +78,8 @@ class _DrawnPlot:
     def _write(self, time: float) -> None:
         """Write the values of the last sample at or before a time [s] into the legend."""
         row = max(int(np.searchsorted(self._time, time + 1e-9, side="right")) - 1, 0)
-        values = {name: format_value(each[row]) for name, each in self._curves.items()}
+        now = {name: each[row] for name, each in self._curves.items()}
+        values = {name: f"{v:.3g}" if np.isfinite(v) else "–" for name, v in now.items()}
         self.legend.content = make_legend(values, self._colors)
 
     @property
@@ -112,11 +103,6 @@ class _DrawnPlot:
             ),
             np.insert(line, at, self._range),
         )
-
-
-def format_value(value: float) -> str:
-    """Write a value in three digits or so; a dash where it is unknown."""
-    return f"{value:.3g}" if np.isfinite(value) else "–"
 
 
 def find_range(values: Array) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Poses a robot: drops it, mirrors it, turns its joints, and measures how it lies."""
+"""Poses a robot: samples falls, mirrors it, turns its joints, puts it down."""
 
 from __future__ import annotations
 
@@ -13,10 +13,7 @@ from humanoid_getup.commands.inputs import load_world
 from humanoid_getup.commands.options import SceneOptions
 from humanoid_getup.experiments.falls import (
     CLASSES,
-    UNCLASSED,
     Fall,
-    classify,
-    drop_from,
     sample_fall_set,
 )
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
@@ -28,20 +25,6 @@ from robots.body.limbs import Limbs
 from robots.body.squats import Squat, list_squats
 from robots.body.statics import Statics
 from robots.kinematics import mirror_positions, place, read_posture
-
-
-@dataclass(frozen=True, kw_only=True)
-class PoseFigures:
-    """How a robot is posed."""
-
-    side: str
-    """Class of a robot that lies so, or other."""
-    tilt: float
-    """Angle between the torso and the vertical [rad]."""
-    overlap: float
-    """Greatest depth to which the robot is inside the ground or an obstacle [m]."""
-    self_overlap: float
-    """Greatest depth to which it is inside itself [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,12 +53,6 @@ def sample_starts(
         for fall in sampled.falls:
             check_standing_place(world, fall.posture.position)
     return list(sampled.falls)
-
-
-def drop_robot(world: World, posture: Posture) -> Fall:
-    """Drop a limp robot from a posture, and let it settle."""
-    with refusing():
-        return drop_from(world, posture)
 
 
 def turn_joint(
@@ -137,14 +114,3 @@ class Squats:
     @cached_property
     def _statics(self) -> Statics:
         return Statics(self._robot)
-
-
-def measure_pose(world: World, posture: Posture) -> PoseFigures:
-    """Measure how a robot is posed."""
-    qpos, clearance = place(world.robot, world.model, posture), Clearance(world)
-    return PoseFigures(
-        side=classify(posture.orientation) or UNCLASSED,
-        tilt=float(np.arccos(np.clip(-posture.gravity_b[2], -1.0, 1.0))),
-        overlap=clearance.measure_overlap(qpos),
-        self_overlap=clearance.measure_self_overlap(qpos),
-    )

@@ -119,17 +119,13 @@ class Reach:
     ) -> Posture:
         """Move the torso to a target, or as near as the legs permit, over soles that stay.
 
-        Args:
-            start: Posture that is changed.
-            target: Pose of the torso.
-            soles: Poses of `locate_soles`; without them, the whole robot moves.
-            bounds: Least and greatest joint angles [rad], (n,) each; by default the limits.
-            retries: Whether other ways to bend are tried where the target is missed.
+        Without soles, of `locate_soles`, the whole robot moves; for the rest see `move_limb`.
         """
         if not soles:
             return replace(start, position=target.position, orientation=target.orientation)
         solver, dofs = self._solver, self._leg_dofs
-        habit, whole = self._place(start), np.concatenate([self._root_dofs, dofs])
+        torso = self._layout.root_dof + np.arange(6)
+        habit, whole = self._place(start), np.concatenate([torso, dofs])
         stay = [Aim(name, at, weight=STAY, turn=STAY_TURN) for name, at in soles.items()]
         height = self.robot.standing_neck_height
         near = _shorten(start, target, AHEAD * height)
@@ -209,11 +205,6 @@ class Reach:
             yield replace(start, joint_pos=np.clip(angles, *ranges))
 
     @cached_property
-    def _root_dofs(self) -> Dofs:
-        """Return the degrees of freedom of the torso, (6,)."""
-        return self._layout.root_dof + np.arange(6)
-
-    @cached_property
     def _leg_dofs(self) -> Dofs:
         """Return the degrees of freedom of all joints that carry a sole."""
         carries = find_carriers(self.robot, self._model)
@@ -248,15 +239,7 @@ class Drag:
     def __init__(
         self, reach: Reach, start: Posture, handle: Handle, *, mirrored: bool, feet_stay: bool
     ) -> None:
-        """Begin.
-
-        Args:
-            reach: The robot's handles.
-            start: Posture from which the handle is dragged.
-            handle: One of `Reach.handles`.
-            mirrored: Whether the other side's limb mirrors a dragged one.
-            feet_stay: Whether the soles stay where they are under a dragged torso.
-        """
+        """Begin; the other side's limb may mirror a dragged one, the soles stay under the torso."""
         self._reach, self._start = reach, start
         self._handle: Handle = handle
         self._mirrored = mirrored

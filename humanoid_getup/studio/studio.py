@@ -48,13 +48,7 @@ class Studio:
     def __init__(
         self, request: StudioRequest, announce: Callable[[str], None] = lambda _: None
     ) -> None:
-        """Load the robot, and serve the page.
-
-        Args:
-            request: What is asked for.
-            announce: Called with the address once it is served; the page is filled while a
-                browser opens it.
-        """
+        """Load the robot, and serve the page; the address is announced once it is served."""
         StudioRequest.accept(request)
         world = load_world(request)
         port = find_port(request.host, request.port)

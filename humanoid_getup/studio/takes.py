@@ -105,7 +105,10 @@ def make_rise_take(world: World, result: RiseResult, name: str) -> Take | None:
     time = np.arange(1.0, len(record.qpos) + 1.0) * record.period
     ghost = None
     if isinstance(plan, MotionPlan):
-        ghost = _place_plan(world, plan.motion, record, time)
+        # The player sends the motion after its approach.
+        begin = read_posture(world.robot, world.model, record.qpos[0])
+        approach = find_approach_time(world.robot, plan.motion, begin.joint_pos)
+        ghost = place_motion(world, plan.motion, time - approach, record.qpos[0])
     return Take(
         name=name,
         time=time,
@@ -116,13 +119,6 @@ def make_rise_take(world: World, result: RiseResult, name: str) -> Take | None:
         marks=_find_marks(outcome, result),
         facts=_list_facts(outcome, result),
     )
-
-
-def _place_plan(world: World, motion: Motion, record: Record, time: Array) -> Array:
-    """Place the plan of a run where it was when the player sent it, after its approach."""
-    begin = read_posture(world.robot, world.model, record.qpos[0])
-    approach = find_approach_time(world.robot, motion, begin.joint_pos)
-    return place_motion(world, motion, time - approach, record.qpos[0])
 
 
 def place_motion(world: World, motion: Motion, time: Array, start: Array) -> Array:
@@ -272,13 +268,9 @@ def _count(times: int) -> str:
 
 
 def place_way(world: World, searched: World, state: MappedState, spot: Posture) -> Array:
-    """Compute MuJoCo positions along the way of a state, which is put at a spot, (moves + 1, nq).
+    """Compute MuJoCo positions along the way of a state of a search, (moves + 1, nq).
 
-    Args:
-        world: World in which it is shown.
-        searched: World of the search.
-        state: State.
-        spot: Posture in whose place the robot is, once it has reached the state.
+    Once it has reached the state, the robot is in the place of the posture ``spot``.
     """
     layout = world.robot.layout(searched.model)
     root = state.qpos[:, layout.root_position].copy()
@@ -353,6 +345,8 @@ def make_rollout_take(rollout: StyledRollout) -> Take:
         for k, title in enumerate(TITLES)
     ]
     stand = rollout.stand_time
+    ended = f"Does not stand within {rollout.time[-1]:.1f} s: {rollout.reason}"
+    ended = ended if stand is None else f"Stands at {stand:.2f} s"
     return Take(
         name=f"{rollout.request.style.name}, {rollout.request.policy}",
         time=np.concatenate([[0.0], rollout.time]),
@@ -360,16 +354,8 @@ def make_rollout_take(rollout: StyledRollout) -> Take:
         joint_torque=_prepend(np.zeros(rollout.outcome.robot.n), rollout.joint_torque),
         plots=tuple(plots),
         marks=() if stand is None else (Mark(time=stand, text="stands"),),
-        facts=(describe_rollout(rollout), str(rollout.followed)),
+        facts=(ended, str(rollout.followed)),
     )
-
-
-def describe_rollout(rollout: StyledRollout) -> str:
-    """Describe how a rollout ended, in one line."""
-    stand = rollout.stand_time
-    if stand is not None:
-        return f"Stands at {stand:.2f} s"
-    return f"Does not stand within {rollout.time[-1]:.1f} s: {rollout.reason}"
 
 
 def _in_units(features: Array) -> Array:

@@ -41,14 +41,16 @@ class Timeline:
         self._stage = stage
         self._events = server.get_event_loop()
         self._changed = threading.Condition()
-        self._take: Take | None = None
+        self.take: Take | None = None
+        """What can be scrubbed."""
         self._described: Take | None = None
         self._velocity = np.zeros((0, stage.world.model.nv))
         self._pose: Picture | None = None
         self._at = 0.0  # s since the beginning of the take
         self._clock = self._marked = 0.0  # s, of the last picture and the last line in the plots
         self._wanted = self._playing = self._is_dragged = self._ended = False
-        self._shows_start = False
+        self.shows_start = False
+        """Whether the posture that is shown is the one from which a rise starts."""
         self.when_shown: list[Callable[[], None]] = []
         """Called after the start of a rise is shown, or something else again."""
         self.pictures = 0
@@ -56,11 +58,6 @@ class Timeline:
         self._add_controls(server.gui)
         self._thread = threading.Thread(target=self._draw, name="timeline", daemon=True)
         self._thread.start()
-
-    @property
-    def take(self) -> Take | None:
-        """Return the take that can be scrubbed."""
-        return self._take
 
     @property
     def picture(self) -> Picture | None:
@@ -72,14 +69,9 @@ class Timeline:
         """Show a take from its beginning."""
         velocity = differentiate(self._stage.world, take)
         with self._changed:
-            self._take, self._velocity = take, velocity
+            self.take, self._velocity = take, velocity
             self._seek(0.0)
             self._start() if play else self._stop()
-
-    @property
-    def shows_start(self) -> bool:
-        """Return whether the posture that is shown is the one from which a rise starts."""
-        return self._shows_start
 
     def pose(self, qpos: Array, ghost: Array | None = None, *, is_start: bool = False) -> None:
         """Show a posture at rest, MuJoCo positions (nq,); the take stays on the timeline."""
@@ -147,8 +139,8 @@ class Timeline:
         with self._changed:
             if self._playing:
                 self._stop()
-            elif self._take is not None:
-                self._seek(0.0 if self._at >= self._take.duration else self._at)
+            elif self.take is not None:
+                self._seek(0.0 if self._at >= self.take.duration else self._at)
                 self._start()
 
     def _describe(self, take: Take) -> None:
@@ -179,8 +171,8 @@ class Timeline:
         self._note_start(is_start=False)
 
     def _note_start(self, *, is_start: bool) -> None:
-        if is_start is not self._shows_start:
-            self._shows_start = is_start
+        if is_start is not self.shows_start:
+            self.shows_start = is_start
             for update in self.when_shown:
                 update()
 
@@ -190,7 +182,7 @@ class Timeline:
 
     def _sample(self) -> Picture | None:
         """Return the sample of the take at the present time."""
-        if (take := self._take) is None:
+        if (take := self.take) is None:
             return None
         row = take.find(self._at)
         return Picture(
@@ -202,7 +194,7 @@ class Timeline:
 
     def _advance(self) -> None:
         """Advance the time of a take that plays; stop at its end."""
-        take, now = self._take, time.perf_counter()
+        take, now = self.take, time.perf_counter()
         if take is None or not self._playing:
             return
         self._at += (now - self._clock) * SPEEDS.get(self._speed.value, 1.0)
@@ -222,7 +214,7 @@ class Timeline:
                 self._wanted = False
                 self._advance()
                 picture, playing = self._pose or self._sample(), self._playing
-                take = self._take
+                take = self.take
             try:
                 self._show(take, picture)
             except Exception as error:  # one picture is missing, the next one may not be

@@ -107,15 +107,7 @@ class Workspace:
         scratch: Path,
         change: Callable[[StudioRequest], None],
     ) -> None:
-        """Fill an empty page.
-
-        Args:
-            request: What is asked for.
-            server: Server of the page.
-            world: Robot and scene.
-            scratch: Folder for files of jobs.
-            change: Called to show another robot or scene.
-        """
+        """Fill an empty page; ``change`` shows another robot or scene."""
         _aim_camera(server, world.robot.standing_neck_height)
         self.timeline = Timeline(server, Stage(server, world))
         self.page = Page(request, server, world, self.timeline, scratch)

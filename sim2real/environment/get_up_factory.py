@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, get_args
+from typing import get_args
 
 from humanoid_getup.policy.action import choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
@@ -16,48 +15,46 @@ from sim2real.environment.starts import make_pool, pool_rng
 from sim2real.environment.training_world import build_training_world
 
 
-@dataclass(frozen=True, kw_only=True)
-class GetUpChoices:
-    """Choices for a training environment, as names and numbers."""
+def make_get_up(
+    num_envs: int = 512,
+    *,
+    robot: str = "op3",
+    rewards: str = "robust",
+    randomization: str = "all",
+    wide: bool = True,
+    falls: int = 128,
+    seed: int = 0,
+    threads: int = 0,
+    physics: PhysicsName = "mujoco",
+) -> GetUpEnv:
+    """Build a training environment of some robots.
 
-    robot: str = "op3"
-    """Name of a robot, or a folder with a robot.toml."""
-    rewards: str = "robust"
-    """Name of the rewards."""
-    randomization: str = "all"
-    """Name of the domain randomization."""
-    wide: bool = True
-    """Whether mirrored joints may also move in opposite directions, and limbs spread."""
-    falls: int = 128
-    """Number of settled falls in the pool; their mirror images double it."""
-    seed: int = 0
-    """Seed of the falls; that of the episodes goes to ``reset``."""
-    threads: int = 0
-    """Threads that step physics; 0 for one per processor."""
-    physics: PhysicsName = "mujoco"
-    """Engine that steps physics; mujoco-warp takes a GPU if there is one."""
-
-    def __post_init__(self) -> None:
-        for kind, name, known in (
-            ("rewards", self.rewards, REWARDS),
-            ("randomization", self.randomization, RANDOMIZATIONS),
-            ("physics", self.physics, get_args(PhysicsName)),
-        ):
-            if name not in known:
-                raise ValueError(f"unknown {kind} '{name}', expected {', '.join(known)}")
-
-
-def make_get_up(num_envs: int = 512, **choices: Any) -> GetUpEnv:
-    """Build a training environment of some robots; ``choices`` are `GetUpChoices`."""
-    chosen = GetUpChoices(**choices)
-    robot = load_robot(chosen.robot)
+    Args:
+        num_envs: Number of robots.
+        robot: Name of a robot, or a folder with a robot.toml.
+        rewards: Name of the rewards.
+        randomization: Name of the domain randomization.
+        wide: Whether mirrored joints may also move in opposite directions, and limbs spread.
+        falls: Number of settled falls in the pool; their mirror images double it.
+        seed: Seed of the falls; that of the episodes goes to ``reset``.
+        threads: Threads that step physics; 0 for one per processor.
+        physics: Engine that steps physics; mujoco-warp takes a GPU if there is one.
+    """
+    for kind, name, known in (
+        ("rewards", rewards, REWARDS),
+        ("randomization", randomization, RANDOMIZATIONS),
+        ("physics", physics, get_args(PhysicsName)),
+    ):
+        if name not in known:
+            raise ValueError(f"unknown {kind} '{name}', expected {', '.join(known)}")
+    loaded = load_robot(robot)
     options = EnvOptions(
         robots=num_envs,
-        randomization=RANDOMIZATIONS[chosen.randomization],
-        rewards=REWARDS[chosen.rewards],
-        threads=chosen.threads,
-        physics=PhysicsEngine(chosen.physics),
+        randomization=RANDOMIZATIONS[randomization],
+        rewards=REWARDS[rewards],
+        threads=threads,
+        physics=PhysicsEngine(physics),
     )
-    world = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP)
-    pool = make_pool(world, chosen.falls, pool_rng(chosen.seed))
-    return GetUpEnv(robot, choose_actions(robot, chosen.wide), pool, options)
+    world = build_training_world(loaded, FLAT_SCENE, PHYSICS_STEP)
+    pool = make_pool(world, falls, pool_rng(seed))
+    return GetUpEnv(loaded, choose_actions(loaded, wide), pool, options)

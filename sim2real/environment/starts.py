@@ -118,11 +118,7 @@ def list_motion_starts(robot: Robot, model: mujoco.MjModel) -> Array:
 
 
 def list_rises(robot: Robot) -> list[Motion]:
-    """List the robot's stored motions that rise.
-
-    Raises:
-        ValueError: if there is none.
-    """
+    """List the robot's stored motions that rise, of which one is expected."""
     folder = robot.folder / MOTION_FOLDER
     rises = [motion for file in sorted(folder.glob("*.npz")) if (motion := Motion.load(file)).rises]
     if not rises:
@@ -204,9 +200,6 @@ def drop_falls(
     """Drop robots with torque off in random postures until ``count`` have settled, (count, nq).
 
     They fall in some regions of the scene; what rolls out of all of them is left out.
-
-    Raises:
-        FallError: if too few settle.
     """
     found: list[Array] = []
     rounds = MOST_ROUNDS * math.ceil(count / drops.count)

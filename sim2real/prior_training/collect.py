@@ -172,10 +172,6 @@ def collect_rises(
     """Collect the robot's stored motions, ``count`` planned rises, and half as many of policies.
 
     The folder keeps the plans, which ``run`` makes; the number of those that ended is reported.
-
-    Raises:
-        FallError: if too few falls settle.
-        ValueError: if the robot has no motions.
     """
     model = robot.spec().compile()
     stored = [motion for motion in load_database(robot).motions if motion.rises]

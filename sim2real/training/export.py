@@ -49,11 +49,7 @@ class Exported:
 
 
 def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exported:
-    """Write the policy of a training's checkpoint to a file, if all checks pass.
-
-    Raises:
-        OSError: if a file cannot be read or written.
-    """
+    """Write the policy of a training's checkpoint to a file, if all checks pass."""
     action = training.recipe.choose_actions(robot)
     is_other = training.robot != robot.name
     recipe = training.recipe.style

@@ -99,10 +99,6 @@ def train(
     The policy of a parent's folder, extended to this action space, is the initial one, or the
     policy of a parent's file, with this action space. A training with style curves needs a pose
     prior, of which it keeps a copy.
-
-    Raises:
-        OSError: if the parent cannot be read.
-        ValueError: if the recipe cannot be trained by so many processes.
     """
     process = DistributedProcess.from_environment(os.environ)
     check_processes(recipe, process)
@@ -185,14 +181,11 @@ def check_inputs(
     prior: Path | None,
     device: str = "cpu",
 ) -> Path | None:
-    """Check the inputs of a training; return the folder of its pose prior, if it needs one.
-
-    Raises:
-        OSError: if a file cannot be read.
-        ValueError: if the prior is another robot's, the robot has no rises to start along, or its
-            model, or the device, is none for the recipe's physics.
-    """
-    check_physics(robot, recipe, device)
+    """Check the inputs of a training; return the folder of its pose prior, if it needs one."""
+    physics = build_options(recipe, 1, device).physics
+    if physics.name != MUJOCO.name:
+        scene = make_terrain(robot, 0).scene if recipe.terrain else FLAT_SCENE
+        physics.make_batch(build_training_world(robot, scene, PHYSICS_STEP).model, 1)
     if parent is not None and is_policy_file(parent):
         check_policy_parent(parent, robot, recipe)
     if recipe.backwards:
@@ -204,15 +197,6 @@ def check_inputs(
             f"{folder}: a training with a height map continues one without, expected --parent"
         )
     return check_prior(robot, prior, parent, folder)
-
-
-def check_physics(robot: Robot, recipe: Recipe, device: str) -> None:
-    """Check that the engine of a recipe can step its robot in its scene."""
-    options = build_options(recipe, 1, device)
-    if options.physics.name == MUJOCO.name:
-        return
-    scene = make_terrain(robot, 0).scene if recipe.terrain else FLAT_SCENE
-    options.physics.make_batch(build_training_world(robot, scene, PHYSICS_STEP).model, 1)
 
 
 def build_env(

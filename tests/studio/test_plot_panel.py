@@ -52,7 +52,7 @@ def test_a_line_stands_at_the_time_that_is_shown_among_rising_times(at: float):
     panel = make_panel()
     panel.show(make_take(1))
     panel.mark(at)
-    time, *_, line = panel.charts[0].data
+    time, *_, line = panel.plots[0].chart.data
     assert np.all(np.diff(time) >= 0.0)
     np.testing.assert_array_equal(time[np.isfinite(line)], [at, at])
 
@@ -65,7 +65,7 @@ def test_the_legend_has_the_values_at_the_line():
     for at, shown in ((1.0, "1.25 – 2"), (1.9, "1.25 – 2"), (2.0, "3 4 2")):
         panel.mark(at)
         knee, hip, limit = shown.split()
-        text = re.sub("<[^>]*>", "", panel.legends[0])
+        text = re.sub("<[^>]*>", "", panel.plots[0].legend.content)
         assert text == f"■ knee &lt;b&gt; {knee} ■ hip {hip} ■ limit {limit}"
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from waiting import LONGEST_WAIT
 
-from humanoid_getup.experiments.starts.falls import sample_fall_set
+from humanoid_getup.experiments.falls import sample_fall_set
 from humanoid_getup.simulation.world import World
 from robots import Posture, load_robot, quaternion
 

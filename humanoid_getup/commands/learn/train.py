@@ -156,10 +156,7 @@ class TrainedPolicy:
     def __init__(self, *, leads: bool, motions: int, lift: float) -> None:
         """Begin without a report.
 
-        Args:
-            leads: Whether this process is the one of several that reports.
-            motions: Stored motions of the robot, along which episodes start.
-            lift: Initial upper limit of the assistive force, as a fraction of the weight.
+        Episodes start along the robot's stored motions, with at most ``lift`` of its weight held.
         """
         self.leads, self._motions, self._lift = leads, motions, lift
         self.recent: deque[TrainReport] = deque(maxlen=RECENT)

@@ -93,15 +93,10 @@ class MotionSearch:
         before: float | None = None,
         threads: int = 0,
     ) -> None:
-        """Begin a search, or go on with the one whose file is there.
+        """Begin a search, for which `check_begin` was called, or go on with the one that is stored.
 
-        Args:
-            robot: The robot, for which `check_begin` was called.
-            request: What to search.
-            monitor: Shows the progress.
-            before: Simulated time before the budget begins to count [s]; None: a new search's. A
-                search that lost its worker is not given more.
-            threads: Of the physics; 0 for all of the machine.
+        The budget begins to count after the simulated time ``before`` [s], by default the present
+        one: a search that lost its worker is not given more.
         """
         self._robot, self._request, self._monitor = robot, request, monitor
         self._world, self._sides = World(robot), choose_sides(request, robot)

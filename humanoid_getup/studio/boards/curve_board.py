@@ -60,11 +60,7 @@ class CurveBoard(PlotBoard):
     ) -> None:
         """Add a hidden board, for a robot of a standing neck height [m].
 
-        Args:
-            server: Server of the page.
-            size: Standing neck height of the robot [m].
-            dragged: Called with drags, in order; of several that wait, the newest counts.
-            answer: Makes a callback of the page.
+        ``dragged`` gets drags, in order; of several that wait, the newest counts.
         """
         super().__init__(server, ROOT, size)
         self._dragged, self._answer = dragged, answer

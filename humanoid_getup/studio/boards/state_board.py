@@ -112,11 +112,7 @@ class SearchMap:
 
 
 def read_search_map(world: World) -> SearchMap | None:
-    """Read the states of a robot's search that is not done; None without one.
-
-    Args:
-        world: The robot on level ground, as it is searched.
-    """
+    """Read the states of a search that is not done, on level ground; None without one."""
     path = MotionSearch.file(world.robot)
     if not path.exists():
         return None
@@ -242,11 +238,7 @@ class StateBoard(PlotBoard):
     ) -> None:
         """Add a hidden board, for a robot of a standing neck height [m].
 
-        Args:
-            server: Server of the page.
-            size: Standing neck height of the robot [m].
-            chosen: Called with the number of a state that is clicked.
-            answer: Makes a callback of the page.
+        ``chosen`` gets the number of a state that is clicked.
         """
         super().__init__(server, ROOT, size)
         self._chosen, self._answer = chosen, answer

@@ -121,14 +121,7 @@ class KeyList:
     def __init__(
         self, page: Page, draft: KeyDraft, editor: KeyEditor, show: Callable[[int], None]
     ) -> None:
-        """Add the elements where the caller is adding them.
-
-        Args:
-            page: The page.
-            draft: The motion.
-            editor: Changes keys.
-            show: Shows a key, which is counted from 0, on the stage.
-        """
+        """Add the elements where the caller is adding them; ``show`` shows a key."""
         self._page, self._draft, self._editor, self._show = page, draft, editor, show
         gui = page.gui
         self._state = gui.add_markdown("")
@@ -144,11 +137,18 @@ class KeyList:
         page.on_change(self._choice, self._choose)
         page.on_change(self._duration, self._time)
         page.add_button("Add key", self._add)
-        change = {"Replace": self._replace, "Delete": self._delete, "Show": self._choose}
+        change = {
+            "Replace": self._replace,
+            "Delete": lambda: draft.put(editor.delete(draft.keyframes, self.number)),
+            "Show": self._choose,
+        }
         add_button_row(page, "Chosen key", change)
         move = {"Earlier": lambda: self._swap(-1), "Later": lambda: self._swap(1)}
         add_button_row(page, "Move key", move)
-        whole = {"Mirror motion": self._mirror, "Undo": draft.undo}
+        whole = {
+            "Mirror motion": lambda: draft.put(editor.mirror(draft.keyframes)),
+            "Undo": draft.undo,
+        }
         add_button_row(page, "Whole motion", whole)
         draft.when_changed.append(self._update)
 
@@ -200,16 +200,10 @@ class KeyList:
     def _replace(self) -> None:
         self._draft.put(self._editor.put(self._draft.keyframes, self.number, self._posed))
 
-    def _delete(self) -> None:
-        self._draft.put(self._editor.delete(self._draft.keyframes, self.number))
-
     def _swap(self, way: int) -> None:
         number = self.number
         self._draft.put(self._editor.swap(self._draft.keyframes, number, number + way))
         self.choose(number + way)
-
-    def _mirror(self) -> None:
-        self._draft.put(self._editor.mirror(self._draft.keyframes))
 
     @property
     def _posed(self) -> Array:

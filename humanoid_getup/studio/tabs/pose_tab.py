@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from humanoid_getup.experiments.falls import CLASSES, Fall
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.experiments.falls import CLASSES, UNCLASSED, Fall, classify, drop_from
 from humanoid_getup.progress.callback import Cancel
+from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.studio.inverse_kinematics import EndPose
 from humanoid_getup.studio.page import Page, add_button_row
 from humanoid_getup.studio.plain_text import name_side
 from humanoid_getup.studio.pose_robot import (
     FallsToSample,
-    drop_robot,
-    measure_pose,
     mirror_pose,
     put_down,
     sample_starts,
@@ -26,7 +26,7 @@ from humanoid_getup.studio.pose_robot import (
 from humanoid_getup.studio.reach import Drag, Handle, Reach
 from robots import Posture, load_posture
 from robots.description.posture_file import format_posture
-from robots.kinematics import read_posture
+from robots.kinematics import place, read_posture
 from robots.quaternion import IDENTITY
 from robots.storage.files import write_atomically
 
@@ -54,15 +54,11 @@ class DragGizmo:
     """
 
     def __init__(self, page: Page, mirrored: viser.GuiInputHandle[bool]) -> None:
-        """Add the elements where the caller is adding them.
-
-        Args:
-            page: The page.
-            mirrored: Whether the other side follows.
-        """
+        """Add the elements where the caller is adding them."""
         self._page, self._mirrored = page, mirrored
         self._reach = Reach(page.world.robot)
-        self._gizmo: viser.TransformControlsHandle | None = None
+        self.shown: viser.TransformControlsHandle | None = None
+        """The gizmo that is shown."""
         self._drag: Drag | None = None
         self._is_new = self._ends = False
         self._choice = page.gui.add_dropdown("Drag", (NONE, *self._reach.handles))
@@ -72,24 +68,19 @@ class DragGizmo:
         page.when_posed.append(self._follow)
 
     @property
-    def shown(self) -> viser.TransformControlsHandle | None:
-        """Return the gizmo that is shown."""
-        return self._gizmo
-
-    @property
     def is_held(self) -> bool:
         """Return whether it is being dragged."""
         return self._drag is not None
 
     def _choose(self) -> None:
         """Show the gizmo of the chosen handle."""
-        if self._gizmo is not None:
-            self._gizmo.remove()
-        self._gizmo = self._drag = None
+        if self.shown is not None:
+            self.shown.remove()
+        self.shown = self._drag = None
         if self._choice.value == NONE:
             return
         pose = self._locate()
-        self._gizmo = self._page.server.scene.add_transform_controls(
+        self.shown = gizmo = self._page.server.scene.add_transform_controls(
             GIZMO,
             position=pose.position,
             wxyz=pose.orientation,
@@ -97,7 +88,7 @@ class DragGizmo:
             disable_rotations=not self._reach.turns(self._handle),
             depth_test=False,
         )
-        self._gizmo.on_update(self._note)
+        gizmo.on_update(self._note)
         self._page.say(f"Drag the {self._handle.replace('_', ' ')} by its arrows.")
 
     @property
@@ -110,7 +101,7 @@ class DragGizmo:
 
     def _move(self) -> None:
         """Bring the robot to where the gizmo is now, unless that has been done."""
-        if (gizmo := self._gizmo) is None or not self._is_new:
+        if (gizmo := self.shown) is None or not self._is_new:
             return
         ends, self._is_new, self._ends = self._ends, False, False
         drag = self._drag or self._begin()
@@ -120,21 +111,13 @@ class DragGizmo:
         self._page.pose(posture)
 
     def _begin(self) -> Drag:
-        return Drag(
-            self._reach,
-            self._page.start,
-            self._handle,
-            mirrored=self._mirrored.value,
-            feet_stay=self._feet_stay.value,
-        )
+        mirrored, feet_stay = self._mirrored.value, self._feet_stay.value
+        start, handle = self._page.start, self._handle
+        return Drag(self._reach, start, handle, mirrored=mirrored, feet_stay=feet_stay)
 
     def _follow(self, _: Posture) -> None:
         """Keep the gizmo at its handle, unless it is held."""
-        if self._drag is None:
-            self._put_back()
-
-    def _put_back(self) -> None:
-        if (gizmo := self._gizmo) is not None:
+        if self._drag is None and (gizmo := self.shown) is not None:
             pose = self._locate()
             gizmo.position, gizmo.wxyz = pose.position, pose.orientation
 
@@ -186,13 +169,15 @@ class PoseTab:
 
     def _show(self, posture: Posture) -> None:
         """Show how the robot lies, and its joint angles."""
-        figures = measure_pose(self._page.world, posture)
-        side = name_side(figures.side)
-        parts = [f"Start: **{side}**, torso tilted by {math.degrees(figures.tilt):.0f}°"]
-        if figures.overlap > FIRM:
-            parts.append(f"{1000 * figures.overlap:.0f} mm inside the ground or an obstacle")
-        if figures.self_overlap > FIRM:
-            parts.append(f"{1000 * figures.self_overlap:.0f} mm inside itself")
+        world = self._page.world
+        qpos, clearance = place(world.robot, world.model, posture), Clearance(world)
+        side = name_side(classify(posture.orientation) or UNCLASSED)
+        tilt = math.degrees(np.arccos(np.clip(-posture.gravity_b[2], -1.0, 1.0)))
+        parts = [f"Start: **{side}**, torso tilted by {tilt:.0f}°"]
+        if (overlap := clearance.measure_overlap(qpos)) > FIRM:
+            parts.append(f"{1000 * overlap:.0f} mm inside the ground or an obstacle")
+        if (overlap := clearance.measure_self_overlap(qpos)) > FIRM:
+            parts.append(f"{1000 * overlap:.0f} mm inside itself")
         self._figures = ", ".join(parts)
         self._describe()
         for slider, angle in zip(self._sliders, posture.joint_pos, strict=True):
@@ -218,7 +203,8 @@ class PoseTab:
         self._drops.ask(self._page.start)
 
     def _settle(self, posture: Posture, _: Cancel) -> Fall:
-        return drop_robot(self._page.world, posture)
+        with refusing():
+            return drop_from(self._page.world, posture)
 
     def _show_settled(self, fall: Fall) -> None:
         self._page.pose(fall.posture)

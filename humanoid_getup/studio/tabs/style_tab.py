@@ -69,7 +69,7 @@ class StyleTab:
         self._twin = StyledTwin(page.world)
         self.rollouts = page.run_latest(self._twin.roll_out, self._show_rollout)
         """Rises that follow it."""
-        self._extractions = page.run_latest(extract, self._show_extracted)
+        self._extractions = page.run_latest(_extract, self._show_extracted)
         self._asked_at = -math.inf
         self.editor = StyleEditor(page.world.robot, self._load(list_styles()[0]))
         """The style that is edited."""
@@ -89,7 +89,7 @@ class StyleTab:
         BoardSwitch(self._page, "Show curves", self.board)
         self._page.add_button("Run", self._run, main=True)
         self._page.on_change(self._policy, self._run_if_lying)
-        self._page.on_change(self._style, self._choose_style)
+        self._page.on_change(self._style, lambda: self._begin(self._load(self._style.value)))
         self._page.on_change(self._curves, self._choose_curves)
         with gui.add_folder("Time"):
             self._add_times()
@@ -108,7 +108,9 @@ class StyleTab:
     def _add_times(self) -> None:
         gui = self._page.gui
         self._duration = gui.add_slider("Duration [s]", SHORTEST, 10.0, 0.05, 3.0)
-        self._page.on_change(self._duration, lambda: self._edit(self._last))
+        self._page.on_change(
+            self._duration, lambda: self._edit(lambda: self.editor.last(self._duration.value))
+        )
         self._step = gui.add_number(
             "Step [s]", STEP, min=0.01, max=LONGEST, step=0.01, hint=BY_STEP
         )
@@ -164,9 +166,6 @@ class StyleTab:
     def _load(self, name: str) -> Style:
         path = self._page.folders.resolve(name) if name.endswith(SUFFIX) else name
         return load_style(path, self._page.world.robot)
-
-    def _choose_style(self) -> None:
-        self._begin(self._load(self._style.value))
 
     def _begin(self, style: Style) -> None:
         """Edit another style, from the curves that the start follows."""
@@ -243,9 +242,6 @@ class StyleTab:
     def _refresh(self) -> None:
         self._show()
         self._run_if_lying()
-
-    def _last(self) -> None:
-        self.editor.last(self._duration.value)
 
     def _set_point(self) -> None:
         feature = FEATURES.index(self._feature.value)
@@ -359,8 +355,7 @@ class StyleTab:
         return f"{text}. From this start it follows {these}{mirrored}."
 
 
-def extract(request: ExtractRequest, cancel: Cancel) -> Style:
-    """Extract the curves of a request."""
+def _extract(request: ExtractRequest, cancel: Cancel) -> Style:
     return extract_style(request, cancel=cancel)
 
 

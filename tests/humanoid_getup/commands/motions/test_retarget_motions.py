@@ -7,7 +7,7 @@ from authored import load_robot_keyframes
 from model_files import write_model
 from run_getup import Run
 
-from humanoid_getup.commands.motions import retarget_motions
+from humanoid_getup.commands.motions import build_motions as retarget_motions
 from humanoid_getup.motions.motion import Motion
 from robots import Robot, load_robot
 from robots.model_import.importer import ImportOptions, import_model

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from humanoid_getup.experiments.disturbances import USUAL
+from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.judging.outcome import Outcome, compute_share
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts import Experiment
-from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.motions.build import SOUND, NoEntryError, lay_down_at_random, with_entries
 from humanoid_getup.motions.course import record_motion
 from humanoid_getup.motions.keyframes import SPEED_SHARE

@@ -43,9 +43,7 @@ COMMANDS = {
     "motions preview": Entry(
         "Draw the keys of a motion and play them once.", "motions.preview_motion"
     ),
-    "motions retarget": Entry(
-        "Transfer the keyframes of another robot.", "motions.build_motions"
-    ),
+    "motions retarget": Entry("Transfer the keyframes of another robot.", "motions.build_motions"),
     "motions discover": Entry(
         "Find motions by a search in physics, or in a policy's rises.", "motions.discover_motions"
     ),

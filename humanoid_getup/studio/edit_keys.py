@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -42,6 +43,8 @@ from robots.storage.validation import outside, shown
 STRATEGY = "posed by hand"
 COST = 0.8  # of a second, and of a newton meter, that the search for better keys begins with
 LEAST_DURATION = 0.02  # s
+MOST_UNDONE = 100
+"""Number of states that are kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,6 +154,38 @@ class KeyEditor:
     def _check_number(self, keyframes: Keyframes, number: int) -> None:
         if number >= self.count(keyframes):
             raise BadInputError("the stance ends every rise, expected another key")
+
+
+class KeyDraft:
+    """One motion at a time; every change can be undone."""
+
+    def __init__(self) -> None:
+        self._states: list[Keyframes] = []
+        self.when_changed: list[Callable[[Keyframes], None]] = []
+        """Called after every change."""
+
+    @property
+    def keyframes(self) -> Keyframes:
+        """Return the motion."""
+        if not self._states:
+            raise ValueError("no motion yet, expected one that was opened, or New")
+        return self._states[-1]
+
+    def put(self, keyframes: Keyframes) -> None:
+        """Replace the motion by another state of it, or by another motion."""
+        self._states = [*self._states, keyframes][-MOST_UNDONE:]
+        self._tell()
+
+    def undo(self) -> None:
+        """Return to the state before."""
+        if len(self._states) < 2:
+            raise ValueError("nothing to undo")
+        self._states.pop()
+        self._tell()
+
+    def _tell(self) -> None:
+        for update in self.when_changed:
+            update(self.keyframes)
 
 
 def place_key(world: World, keyframes: Keyframes, number: int) -> Posture:

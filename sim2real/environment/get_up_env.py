@@ -35,8 +35,7 @@ from sim2real.environment.episodes import (
     Episodes,
     LevelCurriculum,
 )
-from sim2real.environment.privileged_state import list_critic_terms, observe_privileged
-from sim2real.environment.rewards import RewardInputs, score
+from sim2real.environment.rewards import RewardInputs, list_critic_terms, observe_privileged, score
 from sim2real.environment.starts import StartPool, list_motion_starts, sample_stands
 from sim2real.environment.style_task import StyleTask
 from sim2real.environment.training_simulation import TrainingSim

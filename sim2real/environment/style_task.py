@@ -17,8 +17,7 @@ from robots import Robot
 from robots.kinematics import mirror_positions, transfer_positions
 from robots.quaternion import Array
 from sim2real.environment.action_heads import PriorHead
-from sim2real.environment.privileged_state import PrivilegedState
-from sim2real.environment.rewards import StyleReward, reward_style
+from sim2real.environment.rewards import PrivilegedState, StyleReward, reward_style
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.pose_prior import POLICY_SOURCE, RiseSet
 

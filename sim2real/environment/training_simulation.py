@@ -21,7 +21,7 @@ from humanoid_getup.style.features import measure_height_map
 from robots import quaternion
 from robots.quaternion import Array
 from sim2real.environment.env_options import ObservationNoise
-from sim2real.environment.privileged_state import PrivilegedState
+from sim2real.environment.rewards import PrivilegedState
 from sim2real.environment.training_world import SensorAddresses
 
 BACKLASH_TORQUE = 0.3  # N·m that keep a gear at the end of its backlash

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from studio_page import StudioPage, open_studio
 
@@ -126,6 +126,7 @@ def motions(op3: Robot) -> list[Keyframes]:
 places = st.integers(0, 15)
 
 
+@settings(max_examples=30)
 @given(place=places, key=st.integers(0, 20))
 def test_a_key_that_is_inserted_and_deleted_leaves_the_others_and_two_mirrors_the_motion(
     op3: Robot, motions: list[Keyframes], place: int, key: int

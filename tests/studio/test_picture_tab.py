@@ -2,6 +2,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 from PIL import Image, ImageSequence
 from studio_page import open_studio
 
@@ -29,6 +30,7 @@ def find_row(picture: Any) -> float:
     return float(np.nonzero(colored)[0].mean())
 
 
+@pytest.mark.slow
 def test_a_video_shows_every_time_of_the_take_in_its_place(browser: "Browser", tmp_path: Path):
     with open_studio(browser, coarse=False, folder=(tmp_path,)) as (studio, window):
         studio.timeline.load(lift_robot(studio), play=False)
@@ -45,12 +47,10 @@ def test_a_video_shows_every_time_of_the_take_in_its_place(browser: "Browser", t
     assert (steps > 0.7 * steps.mean()).all()
 
 
+@pytest.mark.slow
 def test_a_picture_shows_the_robot_and_not_the_panels(browser: "Browser", tmp_path: Path):
     with open_studio(browser, coarse=False, folder=(tmp_path,)) as (_, window):
         window.open_tab("Picture")
-        window.type("File name", "../outside")
-        window.click("Save picture")
-        window.see("expected a file in")
         window.type("File name", "robot")
         window.click("Save picture")
         window.see("Saved robot.png")
@@ -60,20 +60,27 @@ def test_a_picture_shows_the_robot_and_not_the_panels(browser: "Browser", tmp_pa
         box = window.page.locator("canvas").first.bounding_box()
     assert box is not None
     assert width <= box["width"] + 1
-    assert not (tmp_path.parent / "outside.png").exists()
 
 
-def test_a_video_of_a_take_that_was_replaced_is_not_saved(browser: "Browser", tmp_path: Path):
+def test_pictures_are_saved_in_the_folders_and_no_video_of_a_take_that_was_replaced(
+    browser: "Browser", tmp_path: Path
+):
     with open_studio(browser, folder=(tmp_path,)) as (studio, window):
         window.open_tab("Picture")
         window.click("Save video")
         window.see("nothing is on the timeline")
+        window.type("File name", "../outside")
+        window.click("Save picture")
+        window.see("expected a file in")
+        window.type("File name", "robot")
+        window.click("Save picture")
+        window.see("Saved robot.png")
         studio.timeline.load(lift_robot(studio), play=False)
-        window.see("lift")
         window.click("Save video")
         window.see("Draws picture")
         window.click("Save video")
         window.see("a video is being drawn, expected its end, or Cancel first")
         studio.timeline.load(lift_robot(studio), play=False)
         window.see("the timeline shows something else now")
-    assert not list(tmp_path.iterdir())
+    assert [file.name for file in tmp_path.iterdir()] == ["robot.png"]
+    assert not (tmp_path.parent / "outside.png").exists()

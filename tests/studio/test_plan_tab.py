@@ -50,6 +50,8 @@ def test_a_fall_is_planned_played_scrubbed_and_saved(
         np.testing.assert_allclose(take.qpos[0, 3:7], studio.page.start.orientation, atol=0.05)
         np.testing.assert_allclose(take.ghost[0, :2], take.qpos[0, :2], atol=0.02)
 
+        studio.timeline.scrub(0.0)  # the field of a take that plays changes while it is typed into
+        window.see_value("Time [s]", "0")
         window.type("Time [s]", "2")
         assert studio.timeline.wait_for(
             lambda: np.array_equal(studio.timeline.picture.qpos, take.qpos[take.find(2.0)]), 60.0

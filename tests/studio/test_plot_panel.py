@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("viser")
 
-from humanoid_getup.studio.plot_panel import PlotPanel, find_range
 from humanoid_getup.studio.takes import Plot, Take
+from humanoid_getup.studio.timeline import PlotPanel, find_range
 
 
 class Chart:

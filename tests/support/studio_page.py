@@ -175,6 +175,7 @@ class SharedStudio:
 
         for job in studio.page.jobs:
             job.wait(LONGEST_WAIT)
+        window.page.bring_to_front()
         studio.change(StudioRequest(port=0, **options))
         self._count += 1
         studio.page.say(f"Page {self._count}.")

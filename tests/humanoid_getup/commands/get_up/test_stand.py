@@ -51,25 +51,19 @@ def test_a_held_robot_is_judged_and_handed_over(tmp_path: Path):
     assert report["hand_over"]["watchdog"] == "off"
 
 
-@pytest.mark.parametrize(("realtime", "released"), [(True, True), (False, True)])
-def test_without_a_terminal_or_the_clock_of_the_wall_nothing_waits_for_a_key(realtime, released):
+def test_without_a_terminal_or_the_clock_of_the_wall_nothing_waits_for_a_key():
     reader, writer = os.pipe()
-    assert OperatorKey(realtime=realtime, terminal=reader).is_released() is released
+    for realtime in (True, False):
+        assert OperatorKey(realtime=realtime, terminal=reader).is_released() is realtime
     os.close(reader)
     os.close(writer)
 
 
-@pytest.mark.parametrize(
-    ("options", "ending"),
-    [
-        (GetUpOptions(), "limp"),
-        (GetUpOptions(backend="virtual"), "hold"),
-        (GetUpOptions(backend="dynamixel", port=("/dev/ttyUSB0",)), "hold"),
-        (PlayRequest(motion=SQUAT, backend="virtual", then="limp"), "limp"),
-    ],
-)
-def test_a_robot_on_servos_is_held_by_default(options: GetUpOptions, ending: str):
-    assert options.ending == ending
+def test_a_robot_on_servos_is_held_by_default():
+    assert GetUpOptions().ending == "limp"
+    assert GetUpOptions(backend="virtual").ending == "hold"
+    assert GetUpOptions(backend="dynamixel", port=("/dev/ttyUSB0",)).ending == "hold"
+    assert PlayRequest(motion=SQUAT, backend="virtual", then="limp").ending == "limp"
 
 
 def test_a_key_releases_a_robot_that_is_held_and_stops_one_that_moves(op3: Robot):

@@ -4,6 +4,7 @@ import os
 import pty
 import re
 import select
+import signal
 import subprocess
 import sys
 import time
@@ -26,6 +27,9 @@ class Terminal:
 
     def type(self, text: str) -> None:
         os.write(self._master, text.encode())
+
+    def interrupt(self) -> None:
+        self._program.send_signal(signal.SIGINT)
 
     def see(self, pattern: str, within: float = LONGEST_WAIT) -> re.Match:
         """Read until the program shows a pattern that was not seen yet."""

@@ -37,7 +37,7 @@ def test_the_banner_says_how_servos_get_power_and_names_several_paths_as_a_clien
     assert "connect with --port main=/tmp/port,imu=/tmp/port-imu" in text
 
 
-@pytest.mark.parametrize("connection", ["i2c", "uart"])
+@pytest.mark.parametrize("connection", ["i2c", pytest.param("uart", marks=pytest.mark.slow)])
 def test_the_path_of_an_imu_is_printed_after_the_port(
     tmp_path: Path, own_robot: Path, connection: str
 ):
@@ -56,18 +56,28 @@ def test_the_path_of_an_imu_is_printed_after_the_port(
     assert list(tmp_path.glob("port*")) == []
 
 
-def test_a_powered_bus_answers_any_client_and_leaves_no_link(tmp_path: Path, tiny: Robot):
+def test_a_powered_bus_answers_any_client_tells_that_it_is_late_and_leaves_no_link(
+    tmp_path: Path, tiny: Robot
+):
+    """Stopped for half a second, physics falls behind; the wire is served by another process."""
     link = tmp_path / "port"
-    command = [*COMMAND, "--from", "supine", "--powered", "--link", str(link)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served:
+    command = [*COMMAND, "--hold", "zero", "--powered", "--link", str(link)]
+    assert tiny.bus is not None
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as served:
         try:
-            assert served.stdout is not None
-            assert served.stdout.readline() == f"{link}\n".encode()
-            assert tiny.bus is not None
+            assert served.stdout is not None and served.stdout.readline() == f"{link}\n"
             servo_id = tiny.joints[0].servo.id
-            with serial.Serial(str(link), tiny.bus.baud, timeout=10.0) as port:
-                port.write(protocol2.ping(servo_id).encode())
-                assert port.read(14)[4] == servo_id
+            with serial.Serial(str(link), tiny.bus.baud, timeout=10.0) as foreign:
+                foreign.write(protocol2.ping(servo_id).encode())
+                assert foreign.read(14)[4] == servo_id
+            port = SerialPort(str(link), tiny.bus.baud)
+            port.open()
+            clock = VirtualClock(DynamixelBus(port, answer_margin=0.5), tiny.joints)
+            served.send_signal(signal.SIGSTOP)
+            time.sleep(0.5)
+            served.send_signal(signal.SIGCONT)
+            wait_until(lambda: "s behind: this computer has" in clock.describe_lag())
+            port.close()
         finally:
             served.terminate()
     assert not link.is_symlink()
@@ -82,27 +92,6 @@ def test_a_link_of_another_program_is_refused_in_one_line(
     *_, line = capsys.readouterr().err.splitlines()
     assert "a link to /dev/null is there, name another path or remove it" in line
     assert link.is_symlink()
-
-
-def test_a_client_finds_that_the_robots_clock_is_behind(tmp_path: Path, tiny: Robot):
-    """Stopped for half a second, physics falls behind; the wire is served by another process."""
-    link = tmp_path / "port"
-    command = [*COMMAND, "--hold", "zero", "--powered", "--link", str(link)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as served:
-        try:
-            assert served.stdout is not None and served.stdout.readline() == f"{link}\n"
-            assert tiny.bus is not None
-            port = SerialPort(str(link), tiny.bus.baud)
-            port.open()
-            client = DynamixelBus(port, answer_margin=0.5)
-            clock = VirtualClock(client, tiny.joints)
-            served.send_signal(signal.SIGSTOP)
-            time.sleep(0.5)
-            served.send_signal(signal.SIGCONT)
-            wait_until(lambda: "s behind: this computer has" in clock.describe_lag())
-            port.close()
-        finally:
-            served.terminate()
 
 
 class Late:

@@ -2,9 +2,6 @@
 
 import os
 import pty
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -19,7 +16,8 @@ from bus_stories import serving
 from paths import TINY
 from recording_backend import RecordingBackend
 from run_getup import Run
-from waiting import LONGEST_WAIT, wait_until
+from terminal import in_terminal
+from waiting import wait_until
 
 from drivers import DriverError, State
 from drivers.dynamixel.backend import DynamixelBackend
@@ -29,11 +27,9 @@ from humanoid_getup.commands.backends import BackendChoice
 from humanoid_getup.commands.prompt import QuitKey
 from humanoid_getup.commands.robot import watch as jobs
 from humanoid_getup.commands.robot.watch import WatchRequest, watch
-from humanoid_getup.progress.callback import CancelledError
 from humanoid_getup.reporting.watched_robot import WatchedRobot, WatchFigures
 from robots import Posture, Robot, quaternion
 
-TIMEOUT = 60.0  # s; a wait ends with its event
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 HELD = 5  # cycles; what a virtual servo senses is read one or two later
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -88,6 +84,17 @@ def make_request(**options: Any) -> WatchRequest:
 
 
 @pytest.fixture
+def watching(monkeypatch: pytest.MonkeyPatch) -> Callable[[RecordingBackend], None]:
+    """Let the command open a backend of the test."""
+
+    def use(backend: Any) -> None:
+        choice = BackendChoice(backend=backend, realtime=False)
+        monkeypatch.setattr(jobs, "open_backend", lambda *_, **__: nullcontext(choice))
+
+    return use
+
+
+@pytest.fixture
 def torque(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Every value that is written to a servo's Torque Enable."""
     written, switch = list[int](), VirtualServo._switch_torque
@@ -135,7 +142,7 @@ def test_a_robot_turned_by_hand_says_how_it_is_held(hand: Hand):
 
 
 def test_a_sign_that_is_wrong_is_found_where_the_joint_leaves_its_range(
-    tiny: Robot, torque: list[int], monkeypatch: pytest.MonkeyPatch
+    tiny: Robot, torque: list[int], watching
 ):
     left, right = tiny.joints
     turned = replace(left, servo=replace(left.servo, sign=-left.servo.sign))
@@ -143,9 +150,7 @@ def test_a_sign_that_is_wrong_is_found_where_the_joint_leaves_its_range(
         hand = Hand(tiny)
         hand.place = lambda posture: served.hold(posture.joint_pos)
         hand.hold(degrees=(-85.0, 20.0))  # measured as +85, of a range up to +60
-        driver = DynamixelBackend(tiny, served.path, clock=CycleClock())
-        choice = BackendChoice(backend=driver, realtime=False)
-        monkeypatch.setattr(jobs, "open_backend", lambda *_, **__: nullcontext(choice))
+        watching(DynamixelBackend(tiny, served.path, clock=CycleClock()))
         done = watch(make_request(), is_released=hand.is_done, begin=hand.begin)
     assert done.last is not None
     (finding,) = done.last.findings
@@ -168,7 +173,7 @@ def test_a_simulation_that_is_looked_at_is_no_faster_than_real_time(
     assert time.monotonic() - begun[0] >= done.watched_s > 0.4
 
 
-def test_a_fault_ends_it_with_its_exit_code(tiny: Robot, monkeypatch, capsys):
+def test_a_fault_ends_it_with_its_exit_code(tiny: Robot, watching, capsys):
     class Loose(RecordingBackend):
         def read(self) -> Any:
             if len(self.received) > 3:
@@ -176,8 +181,7 @@ def test_a_fault_ends_it_with_its_exit_code(tiny: Robot, monkeypatch, capsys):
             return super().read()
 
     backend = Loose(tiny)
-    choice = BackendChoice(backend=backend, realtime=False)
-    monkeypatch.setattr(jobs, "open_backend", lambda *_, **__: nullcontext(choice))
+    watching(backend)
     assert watch.run(make_request()) == 3
     assert "in 4 cycles: the cable is loose" in capsys.readouterr().out
     assert all(command.is_limp for command in backend.received)
@@ -186,46 +190,39 @@ def test_a_fault_ends_it_with_its_exit_code(tiny: Robot, monkeypatch, capsys):
 
 @pytest.mark.parametrize(("silence", "by_fault"), [(2.9, False), (3.1, True)])
 def test_a_silence_of_seconds_is_harmless_without_torque(
-    silence: float, by_fault: bool, tiny: Robot, monkeypatch: pytest.MonkeyPatch
+    silence: float, by_fault: bool, tiny: Robot, watching
 ):
     backend = RecordingBackend(tiny)
     backend.state = replace(backend.state, joint_age=np.array([0.0, silence]), imu_age=silence)
-    choice = BackendChoice(backend=backend, realtime=False)
-    monkeypatch.setattr(jobs, "open_backend", lambda *_, **__: nullcontext(choice))
+    watching(backend)
     done = watch(WatchRequest(robot=str(TINY), seconds=0.1))
     assert done.by_fault is by_fault
     assert done.last is not None
     assert done.last.joints["r_hip"].remarks == (f"silent for {silence:.1f} s",)
 
 
-def test_it_is_cancelled():
-    with pytest.raises(CancelledError):
-        watch(make_request(), cancel=iter([False] * 5 + [True] * 9).__next__)
-
-
-@pytest.mark.parametrize(
-    ("left_out", "backend", "has_torso"),
-    [("", "virtual", False), ("", "twin", True), ('imu_site = "imu"\n', "twin", False)],
-)
-def test_a_robot_without_an_imu_is_watched(
-    left_out: str, backend: Any, has_torso: bool, own_robot: Path
-):
+def test_a_robot_without_an_imu_is_watched(own_robot: Path):
     path = own_robot / "robot.toml"
     text = path.read_text("utf-8").split("[bus.board]")[0]
-    path.write_text(text.replace(left_out, ""), "utf-8")
-    done = watch(WatchRequest(robot=str(own_robot), seconds=0.05, backend=backend))
-    assert done.last is not None
-    assert (done.last.torso is not None) is has_torso
+    on_bus = WatchRequest(robot=str(own_robot), seconds=0.05, backend="virtual")
+    for request, left_out, has_torso in (
+        (on_bus, "", False),
+        (replace(on_bus, backend="twin"), "", True),
+        (replace(on_bus, backend="twin"), 'imu_site = "imu"\n', False),
+    ):
+        path.write_text(text.replace(left_out, ""), "utf-8")
+        done = watch(request)
+        assert done.last is not None
+        assert (done.last.torso is not None) is has_torso
 
 
-def test_a_servo_that_misses_reads_is_named(tiny: Robot, monkeypatch: pytest.MonkeyPatch):
+def test_a_servo_that_misses_reads_is_named(tiny: Robot, watching):
     class Tired(RecordingBackend):
         def read(self) -> State:
             is_silent = len(self.received) % 4 == 3
             return replace(super().read(), joint_age=np.array([0.0, 0.008 * is_silent]))
 
-    choice = BackendChoice(backend=Tired(tiny), realtime=False)
-    monkeypatch.setattr(jobs, "open_backend", lambda *_, **__: nullcontext(choice))
+    watching(Tired(tiny))
     done = watch(WatchRequest(robot=str(TINY), seconds=0.8))
     assert done.last is not None
     assert [joint.missed for joint in done.last.joints.values()] == [0, 25]
@@ -252,51 +249,27 @@ def test_what_was_seen_is_printed_at_the_end(backend: str, run: Run):
     assert text.endswith("backward"), "which way is positive"
 
 
-@pytest.mark.parametrize(("sent", "is_over"), [(b"x", False), (b"q", True), (b"Q", True)])
-def test_only_q_ends_it(sent: bytes, is_over: bool):
+def test_q_or_the_end_of_the_terminal_ends_it_and_no_other_key():
     master, slave = pty.openpty()
-    key, noted = QuitKey(slave), list[bytes]()
-    note = key._on_press
-    key._on_press = lambda pressed: (note(pressed), noted.append(pressed))[0]
-    with key:
-        os.write(master, sent)
-        wait_until(lambda: noted == [sent])
-        assert key.is_pressed() is is_over
-    os.close(master)
+    for sent in (b"x", b"q", b"Q", b""):
+        key, noted = QuitKey(slave), list[bytes]()
+        note = key._on_press
+        key._on_press = lambda pressed, note=note, noted=noted: noted.append(note(pressed))
+        with key:
+            os.write(master, sent) if sent else os.close(master)
+            wait_until(lambda noted=noted: noted != [])
+            assert key.is_pressed() is (sent != b"x")
     os.close(slave)
 
 
-@pytest.mark.parametrize("end", ["q", "interrupt", "hang-up"])
-def test_in_a_terminal_a_table_follows_the_robot_until_a_person_ends_it(end: str, tmp_path: Path):
-    master, slave = pty.openpty()
-    command = [sys.executable, "-m", "humanoid_getup.commands.main", *LYING]
-    environment = os.environ | {"TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
-    with subprocess.Popen(
-        command, stdin=slave, stdout=slave, stderr=slave, env=environment, cwd=tmp_path
-    ) as watching:
-        os.close(slave)
-        assert "q ends it" in _read(master, "torso on its belly")
-        if end == "hang-up":
-            os.close(master)
-            watching.wait(LONGEST_WAIT)
-            return
+@pytest.mark.parametrize("end", ["interrupt", pytest.param("q", marks=pytest.mark.slow)])
+def test_in_a_terminal_a_table_follows_the_robot_until_a_person_ends_it(end: str):
+    with in_terminal(*LYING) as terminal:
+        terminal.see("torso on its belly")
+        terminal.see("q ends it")
         if end == "q":
-            os.write(master, b"q")
+            terminal.type("q")
         else:
-            watching.send_signal(signal.SIGINT)
-        shown = _read(master)
-        reason = "a person ended it" if end == "q" else "it was interrupted"
-        assert reason in shown
-        os.close(master)
-        assert watching.wait(LONGEST_WAIT) == 0
-
-
-def _read(terminal: int, until: str | None = None) -> str:
-    """Read what a program shows until it shows a text, or to its end."""
-    shown = ""
-    while until is None or until not in shown:
-        try:
-            shown += os.read(terminal, 65536).decode(errors="replace")
-        except OSError:  # of a terminal that no program has
-            return shown
-    return shown
+            terminal.interrupt()
+        terminal.see("a person ended it" if end == "q" else "it was interrupted")
+        assert terminal.wait() == 0

@@ -12,6 +12,7 @@ from drivers.service import scan
 from drivers.service.scan import PortFacts
 from drivers.virtual_bus.devices.servo import VirtualServo
 from humanoid_getup.commands.main import main
+from humanoid_getup.commands.servo import devices
 
 MEGABIT = ("--baud", "1000000")
 
@@ -23,10 +24,17 @@ def short_slots(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def tiny():
+def served():
     with serving(TINY) as served:
         served.place(l_hip=20.0)
         yield served
+
+
+@pytest.fixture
+def tiny(served, monkeypatch):
+    """A robot on a port on which nothing is waited for that does not come."""
+    monkeypatch.setattr(devices, "SerialPort", served.make_port)
+    return served
 
 
 def look(port: str, capsys, *options: str) -> tuple[int, dict]:
@@ -40,17 +48,15 @@ def test_each_device_that_answers_is_listed_with_what_it_measures_and_nothing_ch
     assert code == 0
     (scanned,) = message["scans"]
     found = scanned["found"]
-    assert [(d["id"], d["model"], d["firmware"]) for d in found] == [
-        (1, "XM430-W350", 46),
-        (2, "XM430-W350", 46),
-        (200, "OpenCR", 1),
+    keys = ("id", "model", "firmware", "is_board", "baud", "doubled")
+    assert [tuple(device[key] for key in keys) for device in found] == [
+        (1, "XM430-W350", 46, False, 1_000_000, False),
+        (2, "XM430-W350", 46, False, 1_000_000, False),
+        (200, "OpenCR", 1, True, 1_000_000, False),
     ]
-    assert [d["is_board"] for d in found] == [False, False, True]
-    assert {d["baud"] for d in found} == {1_000_000}
-    assert found[0]["values"]["present_input_voltage"] == pytest.approx(12.0)
-    assert found[0]["values"]["present_temperature"] == 25.0
-    assert found[0]["values"]["torque_enable"] == 0
-    assert not any(d["doubled"] for d in found)
+    values = found[0]["values"]
+    assert values["present_input_voltage"] == pytest.approx(12.0)
+    assert (values["present_temperature"], values["torque_enable"]) == (25.0, 0)
     assert {name: tiny.peek(name) for name in writable} == before
     assert main(("servo", "list", "--port", tiny.path, *MEGABIT)) == 0
     out = capsys.readouterr().out
@@ -65,19 +71,17 @@ def test_at_a_wrong_speed_no_device_answers_and_the_advice_says_what_to_check(ti
     assert "power switch and supply, the cable" in message["advice"]
 
 
-def test_two_servos_of_one_id_are_named(capsys):
-    double = VirtualServo(1, baud=1_000_000)
+def test_two_servos_of_one_id_and_servos_without_power_are_explained(capsys, monkeypatch):
     with serving(TINY) as served:
-        served.add(double)
+        monkeypatch.setattr(devices, "SerialPort", served.make_port)
+        served.add(VirtualServo(1, baud=1_000_000))
         code = main(("servo", "list", "--port", served.path, *MEGABIT))
     out = capsys.readouterr().out
     assert code == 0
     assert "id 1 at 1000000 bit/s: replies are garbled, as by two devices of one id" in out
     assert "id 2 at" not in out and "id 200 at" not in out
-
-
-def test_servos_without_power_are_explained_where_their_board_answers(capsys):
     with serving(TINY, powered=False) as served:
+        monkeypatch.setattr(devices, "SerialPort", served.make_port)
         code, message = look(served.path, capsys, *MEGABIT)
     assert code == 0
     assert [d["id"] for d in message["scans"][0]["found"]] == [200]
@@ -88,11 +92,11 @@ def test_servos_without_power_are_explained_where_their_board_answers(capsys):
 
 
 def test_without_a_port_every_adapter_is_asked_and_one_that_refuses_stops_nothing(
-    tiny, capsys, monkeypatch
+    served, capsys, monkeypatch
 ):
     ports = [
         PortFacts(path=path, description="a port", latency_timer=16, is_adapter=is_adapter)
-        for path, is_adapter in (("/dev/gone", True), ("/dev/ttyS0", False), (tiny.path, True))
+        for path, is_adapter in (("/dev/gone", True), ("/dev/ttyS0", False), (served.path, True))
     ]
     monkeypatch.setattr(scan, "list_serial_ports", lambda: ports)
     assert main(("servo", "list", *MEGABIT)) == 0
@@ -102,33 +106,28 @@ def test_without_a_port_every_adapter_is_asked_and_one_that_refuses_stops_nothin
     assert "3 devices at 1000000 bit/s" in out
 
 
-@pytest.mark.parametrize(
-    ("ports", "advice"),
-    [
+def test_a_computer_without_an_adapter_gets_advice_that_fits_its_ports(capsys, monkeypatch):
+    for ports, advice in (
         ([], "no serial port: plug the adapter in"),
         (["/dev/ttyS0"], "no USB adapter: plug the adapter in"),
-    ],
-)
-def test_a_computer_without_an_adapter_gets_advice_that_fits_its_ports(
-    ports: list[str], advice: str, capsys, monkeypatch
-):
-    found = [ListPortInfo(port) for port in ports]
-    monkeypatch.setattr(scan.list_ports, "comports", lambda: found)
-    assert main(("servo", "list")) == 3
-    *named, last = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in named] == ports
-    assert advice in last
+    ):
+        found = [ListPortInfo(port) for port in ports]
+        monkeypatch.setattr(scan.list_ports, "comports", lambda found=found: found)
+        assert main(("servo", "list")) == 3
+        *named, last = capsys.readouterr().out.splitlines()
+        assert [line.split()[0] for line in named] == ports
+        assert advice in last
 
 
-def test_a_port_or_a_speed_that_cannot_be_used_is_refused_in_one_line(capsys, tmp_path, tiny):
+def test_a_port_or_a_speed_that_cannot_be_used_is_refused_in_one_line(capsys, tmp_path, served):
     (tmp_path / "file").write_text("no port")
-    other = SerialPort(tiny.path, 1_000_000)
+    other = SerialPort(served.path, 1_000_000)
     other.open()
     try:
         for arguments, expected in (
             (("--port", "/dev/nowhere"), "port /dev/nowhere: does not exist"),
             (("--port", str(tmp_path / "file")), "is not a serial port"),
-            (("--port", tiny.path), "in use by another program"),
+            (("--port", served.path), "in use by another program"),
             (("--baud", "12345"), "baud is 12345 bit/s, expected 9600, 57600"),
             (("--baud", "57600", "--all-bauds"), "exclude each other"),
         ):

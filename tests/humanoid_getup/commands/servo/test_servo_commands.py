@@ -10,9 +10,9 @@ from bus_stories import Served, run_json
 from desk import BAUD, make_desk, opening, serving_desk
 
 from drivers.dynamixel import bus as bus_module
-from drivers.service.loose_servo import find_servos
+from drivers.service import loose_servo
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
+from drivers.virtual_bus.served_robot import serve_robot
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.commands.main import main
 from humanoid_getup.commands.servo.devices import Gauge, list_cells
@@ -24,14 +24,6 @@ MOVING = make_desk((1, "XL430-W250"), (3, "XM430-W350"), baud=57_600)
 def desk(monkeypatch) -> Iterator[Served]:
     monkeypatch.setattr(bus_module, "PING_SLOT", 0.001)  # replies come at once in lock-step
     with serving_desk() as served:
-        yield served
-
-
-@pytest.fixture(scope="module")
-def moving() -> Iterator[ServedRobot]:
-    """Serve two servos in real time."""
-    with serve_robot(Simulation(MOVING), time_mode=TimeMode.REAL_TIME) as served:
-        served.place(MOVING.standing)
         yield served
 
 
@@ -62,16 +54,8 @@ def test_registers_are_read_in_counts_and_units(desk, capsys):
     assert code == 0
     assert read["present_position"]["value"] == 3072
     assert read["present_position"]["si"] == pytest.approx(1.570796), "as +90° of servo list"
-    assert read["temperature_limit"] == {
-        "address": 31,
-        "size": 1,
-        "value": 80,
-        "si": 80.0,
-        "unit": "°C",
-        "lower": 0,
-        "upper": 100,
-        "is_kept": True,
-    }
+    limit = {"address": 31, "size": 1, "value": 80, "si": 80.0, "unit": "°C"}
+    assert read["temperature_limit"] == limit | {"lower": 0, "upper": 100, "is_kept": True}
     code, table = run_json("servo", "table", "--id", "3", *port(desk), capsys=capsys)
     assert (code, len(table) > 50) == (0, True)
     assert table["temperature_limit"] == read["temperature_limit"]
@@ -92,19 +76,15 @@ def test_without_a_terminal_nothing_is_written_unless_yes_is_said_before(desk, c
     monkeypatch.setattr(sys, "stdin", None)
     line = ("servo", "id", "9", "--id", "1", *port(desk))
     assert main(line) == 2
-    assert (
-        "standard input is not a terminal: it cannot ask (or use --yes)" in capsys.readouterr().err
-    )
+    told = "standard input is not a terminal: it cannot ask (or use --yes)"
+    assert told in capsys.readouterr().err
     assert desk.peek("id") == [1, 3]
-    assert main((*line, "--yes")) == 0
-    assert desk.peek("id") == [9, 3]
-
-
-def test_one_wrong_value_of_several_writes_none(desk, capsys):
     values = ("temperature_limit=70", "shutdown=99")
     assert main(("servo", "write", *values, "--id", "1", *port(desk), "--yes")) == 2
     assert "shutdown is 99, expected 0 to 63" in capsys.readouterr().err
-    assert desk.peek("temperature_limit")[0] == 72
+    assert desk.peek("temperature_limit")[0] == 72, "one wrong value of several writes none"
+    assert main((*line, "--yes")) == 0
+    assert desk.peek("id") == [9, 3]
 
 
 def test_a_servo_is_restarted_and_reset(desk):
@@ -144,7 +124,7 @@ def test_an_adapter_unplugged_while_servos_are_watched_is_a_hardware_fault(
 
 def test_a_gauge_keeps_the_range_and_the_last_values_of_a_servo_that_falls_silent(desk):
     with opening(desk) as bus:
-        gauge, other = (Gauge(servo) for servo in find_servos(bus, (BAUD,)))
+        gauge, other = (Gauge(servo) for servo in loose_servo.find_servos(bus, (BAUD,)))
         for angle in (0.0, 30.0, -60.0, 10.0):
             desk.place(servo_1=angle)
             gauge.read()
@@ -188,14 +168,17 @@ def test_a_robot_is_set_up_one_servo_after_the_other(tmp_path: Path, capsys, mon
 
 def test_of_several_ports_each_servo_is_set_up_on_its_own(tmp_path, monkeypatch, capsys):
     (tmp_path / "robot.toml").write_text(
-        'name = "pair"\nbench = [\n  { id = 4, servo = "XL430-W250" },\n'
-        '  { id = 5, servo = "XM430-W350" },\n]\n[bus]\nbaud = 1_000_000\n'
+        'name = "pair"\nbench = [{ id = 4, servo = "XL430-W250" }, '
+        '{ id = 5, servo = "XM430-W350" }]\n[bus]\nbaud = 1_000_000\n'
         '[bus.ports]\nleft = ["servo_4"]\nright = ["servo_5"]\n'
     )
     line = ("servo", "setup", "--robot", str(tmp_path), "--port")
     with serving_desk((1, "XL430-W250")) as left, serving_desk((1, "XM430-W350")) as right:
+        make_port = {each.path: each.make_port for each in (left, right)}
         monkeypatch.setattr(sys, "stdin", Person("", ""))
-        assert main((*line, f"left={left.path},right={right.path}")) == 0
+        with monkeypatch.context() as patch:
+            patch.setattr(loose_servo, "SerialPort", lambda path, *b: make_port[path](path, *b))
+            assert main((*line, f"left={left.path},right={right.path}")) == 0
         assert [served.peek("id") for served in (left, right)] == [[4], [5]]
     assert "set up: 2 servos" in capsys.readouterr().out
     assert main((*line, "left=/tmp/a,/tmp/b")) == 2
@@ -208,29 +191,28 @@ def test_of_several_ports_each_servo_is_set_up_on_its_own(tmp_path, monkeypatch,
 
 
 @pytest.mark.realtime
-def test_a_servo_moves_to_an_angle_and_back_and_is_limp_afterwards(moving, capsys):
-    where = ("--port", moving.paths["main"], "--id", "3", "--speed", "120", "--hold", "0", "--yes")
-    code, there = run_json("servo", "move", "--to", "-20", *where, capsys=capsys)
-    assert code == 0
-    assert there["reached_deg"] == pytest.approx(-20.0, abs=3.0)
-    assert not there["current_is_estimated"]
-    code, back = run_json("servo", "move", "--by", "20", *where, capsys=capsys)
-    assert code == 0
-    assert back["start_deg"] == pytest.approx(-20.0, abs=3.0)
-    assert back["reached_deg"] == pytest.approx(0.0, abs=4.0)
-    code, torque = run_json("servo", "read", "torque_enable", *where[:4], capsys=capsys)
-    assert torque["torque_enable"]["value"] == 0
+def test_a_servo_moves_to_an_angle_and_back_and_is_limp_afterwards(capsys):
+    with serve_robot(Simulation(MOVING), time_mode=TimeMode.REAL_TIME) as served:
+        served.place(MOVING.standing)
+        where = ("--port", served.paths["main"], "--id", "3", "--speed", "120", "--hold", "0")
+        code, there = run_json("servo", "move", "--to", "-20", *where, "--yes", capsys=capsys)
+        assert code == 0
+        assert there["reached_deg"] == pytest.approx(-20.0, abs=3.0)
+        assert not there["current_is_estimated"]
+        code, back = run_json("servo", "move", "--by", "20", *where, "--yes", capsys=capsys)
+        assert code == 0
+        assert back["start_deg"] == pytest.approx(-20.0, abs=3.0)
+        assert back["reached_deg"] == pytest.approx(0.0, abs=4.0)
+        code, torque = run_json("servo", "read", "torque_enable", *where[:4], capsys=capsys)
+        assert torque["torque_enable"]["value"] == 0
 
 
-def test_a_target_beyond_the_range_is_refused_before_anything_is_asked(moving, capsys, monkeypatch):
-    monkeypatch.setattr(sys, "stdin", None)
-    where = ("--port", moving.paths["main"], "--id", "3")
-    assert main(("servo", "move", "--to", "300", *where)) == 2
-    assert "target is +300.0°, expected -180.0° to +179.9°" in capsys.readouterr().err
-
-
-def test_a_wrong_supply_or_torque_is_found_before_anything_is_asked(desk, capsys, monkeypatch):
+def test_a_wrong_target_supply_or_torque_is_found_before_anything_is_asked(
+    desk, capsys, monkeypatch
+):
     monkeypatch.setattr(sys, "stdin", None)  # a question would be refused
+    assert main(("servo", "move", "--to", "300", "--id", "3", *port(desk))) == 2
+    assert "target is +300.0°, expected -180.0° to +179.9°" in capsys.readouterr().err
     desk.poke("servo_3", "min_voltage_limit", 130)
     assert main(("servo", "move", "--by", "5", "--id", "3", *port(desk))) == 3
     error = capsys.readouterr().err

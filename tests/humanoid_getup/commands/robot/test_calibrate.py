@@ -19,10 +19,12 @@ from drivers.service import calibrate as service
 from drivers.virtual_bus.devices.servo import VirtualServo
 from humanoid_getup.commands.main import main
 from humanoid_getup.commands.robot import calibrate as command
+from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 from robots.description.calibration import Calibration, JointCalibration
 from robots.description.posture_file import format_posture
 from robots.joint_directions import DIRECTIONS, find_directions
+from robots.kinematics import place
 
 L_HIP, R_HIP = JointCalibration(2100, 1), JointCalibration(1000, -1)
 """The robot as it is: the description has zeros 2048 and 1000."""
@@ -90,73 +92,53 @@ def read_saved(folder: Path) -> dict:
 # Zeros ---------------------------------------------------------------------------------------
 
 
-def test_a_shifted_zero_is_found_shown_and_saved_after_a_yes(folder, calibrate):
+def test_a_shifted_zero_is_found_and_saved_after_a_yes_and_angles_are_true(
+    folder, calibrate, capsys
+):
     with real_robot() as served:
         code, message = calibrate(served, Person("", "no"))
         assert (code, message["saved"]) == (1, None)
         assert not list(folder.glob("calibration*"))
         code, message = calibrate(served, Person("", "yes"))
-    assert code == 0
-    left = message["joints"]["l_hip"]
-    assert (left["old_zero_ticks"], left["zero_ticks"]) == (2048, 2100)
-    assert left["difference_deg"] == pytest.approx(52 * 360 / 4096)
-    assert left["warnings"] == []
-    assert message["joints"]["r_hip"]["difference_deg"] == 0.0
-    assert message["saved"] == str(folder / "calibration.toml")
-    assert read_saved(folder) == {
-        "robot": "tiny",
-        "joints": {
-            "l_hip": {"zero_ticks": 2100, "sign": 1},
-            "r_hip": {"zero_ticks": 1000, "sign": -1},
-        },
-    }
-
-
-def test_the_calibrated_robot_measures_true_angles_afterwards(folder, calibrate, capsys):
-    with real_robot(r_hip=JointCalibration(1100, -1)) as served:
-        calibrate(served, None, "--yes")
+        assert code == 0
         served.place(l_hip=-30.0, r_hip=20.0)
         main(("doctor", "--robot", str(folder), "--port", served.path, "--json", "-"))
-    message = json.loads(capsys.readouterr().out)
-    angles = [np.degrees(message["joints"][name]["angle_rad"]) for name in ("l_hip", "r_hip")]
+    measured = json.loads(capsys.readouterr().out)["joints"]
+    angles = [np.degrees(measured[name]["angle_rad"]) for name in ("l_hip", "r_hip")]
     assert angles == pytest.approx([-30.0, 20.0], abs=0.1)
+    left = message["joints"]["l_hip"]
+    assert (left["old_zero_ticks"], left["zero_ticks"], left["warnings"]) == (2048, 2100, [])
+    assert left["difference_deg"] == pytest.approx(52 * 360 / 4096)
+    assert message["joints"]["r_hip"]["difference_deg"] == 0.0
+    assert message["saved"] == str(folder / "calibration.toml")
+    left, right = ({"zero_ticks": zero, "sign": sign} for zero, sign in ((2100, 1), (1000, -1)))
+    assert read_saved(folder) == {"robot": "tiny", "joints": {"l_hip": left, "r_hip": right}}
 
 
 COUPLING = "\n[[couplings]]\njoints = ['l_hip', 'r_hip']\nmatrix = [[0.9, -0.5], [0.6, -0.7]]\n"
 
 
-@contextmanager
-def coupled_robot(folder: Path):
-    """Serve a robot whose hips hang on a differential, with a servo that sits otherwise."""
+def test_signs_and_zeros_of_coupled_servos_are_found_by_their_own_joints(
+    folder, calibrate, tmp_path
+):
+    """The hips hang on a differential; a servo sits otherwise than described."""
+    held = tmp_path / "held.json"
     spoil(folder, "zero_ticks = 1000", "zero_ticks = 2000")  # for ranges within one turn
     spoil(folder, "[bus]", COUPLING + "\n[bus]")
     robot = Calibration(robot="tiny", joints={"l_hip": L_HIP}).apply(load_robot(folder))
     with serving(robot) as served:
         served.place()
-        yield served
-
-
-def test_zeros_of_coupled_servos_are_found_in_a_posture_of_both_joints(folder, calibrate, tmp_path):
-    held = tmp_path / "held.json"
-    with coupled_robot(folder) as served:
-        standing = replace(served.robot.standing, joint_pos=np.radians([20.0, -30.0]))
-        held.write_text(format_posture(standing, served.robot))
-        served.place(l_hip=20.0, r_hip=-30.0)
-        code, _ = calibrate(served, Person("", "yes"), "--at", str(held))
-    assert code == 0
-    saved = read_saved(folder)["joints"]
-    assert saved["l_hip"]["zero_ticks"] == pytest.approx(2100, abs=1)
-    assert saved["r_hip"]["zero_ticks"] == pytest.approx(2000, abs=1)
-
-
-def test_signs_of_coupled_servos_are_found_by_turning_their_own_joints(folder, calibrate):
-    with coupled_robot(folder) as served:
         turn = partial(turning, served)
         person = Person(turn(l_hip=20.0), turn(l_hip=20.0, r_hip=20.0), "yes")
-        code, _ = calibrate(served, person, "--signs")
-    assert code == 0
-    saved = read_saved(folder)["joints"]
-    assert (saved["l_hip"]["sign"], saved["r_hip"]["sign"]) == (1, -1)
+        assert calibrate(served, person, "--signs")[0] == 0
+        saved = read_saved(folder)["joints"]
+        assert (saved["l_hip"]["sign"], saved["r_hip"]["sign"]) == (1, -1)
+        standing = replace(robot.standing, joint_pos=np.radians([20.0, -30.0]))
+        held.write_text(format_posture(standing, robot))
+        served.place(l_hip=20.0, r_hip=-30.0)
+        assert calibrate(served, Person("", "yes"), "--at", str(held))[0] == 0
+    zeros = [joint["zero_ticks"] for joint in read_saved(folder)["joints"].values()]
+    assert zeros == pytest.approx([2100, 2000], abs=1)
 
 
 # How the torso is held ------------------------------------------------------------------------
@@ -229,20 +211,14 @@ def test_a_robot_that_holds_itself_up_goes_limp_only_after_a_yes(calibrate):
 
 def test_a_robot_that_moves_is_measured_again_when_it_is_held_still(calibrate, monkeypatch):
     with real_robot() as served:
-        wobble = iter([0, 3, 9] * 100)
-        locate = service.read_ticks
-        moves = [True]
+        read, moves = service.read_ticks, [0, 3, 9] * 100
 
         def look(bus, joints, *more):
-            message = locate(bus, joints, *more)
-            return {name: t + next(wobble) * moves[0] for name, t in message.items()}
-
-        def stop() -> str:
-            moves[0] = False
-            return ""
+            ticks = read(bus, joints, *more)
+            return {name: each + (moves.pop() if moves else 0) for name, each in ticks.items()}
 
         monkeypatch.setattr(service, "read_ticks", look)
-        person = Person("", stop, "yes")
+        person = Person("", lambda: moves.clear() or "", "yes")
         code, message = calibrate(served, person)
     assert code == 0
     assert "moves while it is measured: joint 'l_hip' by 0.8°" in person.heard[1]
@@ -293,34 +269,25 @@ def test_signs_before_zeros_in_one_go_and_a_joint_may_be_left(folder, calibrate)
     assert saved["r_hip"] == {"zero_ticks": 1000, "sign": -1}
 
 
-def move_by_hand(robot: Robot, name: str) -> np.ndarray:
-    """Return how a joint's farthest geometry moves in the world when it turns by 1 mrad."""
-    model = robot.spec().compile()
-    layout, places = robot.layout(model), []
-    for angle in (0.0, 1e-3):
-        data = mujoco.MjData(model)
-        data.qpos[layout.root_qpos : layout.root_qpos + 3] = robot.standing.position
-        data.qpos[layout.root_qpos + 3 : layout.root_qpos + 7] = robot.standing.orientation
-        data.qpos[layout.qpos] = robot.standing.joint_pos
-        data.joint(name).qpos[0] += angle
-        mujoco.mj_kinematics(model, data)
-        places.append(data.geom_xpos.copy())
-        anchor = data.joint(name).xanchor.copy()
-    moved = places[1] - places[0]
-    far = np.linalg.norm(places[0] - anchor, axis=1) * (np.linalg.norm(moved, axis=1) > 1e-9)
-    return moved[int(far.argmax())]
-
-
-def test_directions_in_words_are_those_of_the_model():
-    op3 = load_robot("op3")
-    checked = 0
+def test_directions_in_words_are_those_of_the_model(op3: Robot, world: World):
+    """How a joint's farthest geometry moves in the world when it turns by 1 mrad."""
+    model, checked = world.model, 0
+    data, stance = mujoco.MjData(model), place(op3, model, op3.standing)
     for joint in op3.joints:
         message = str(find_directions(op3)[joint.name])
         if "seen from above" in message:
             continue
-        moved = move_by_hand(op3, joint.name)
-        largest = int(np.abs(moved).argmax())
-        assert message.endswith(DIRECTIONS[largest][int(moved[largest] > 0.0)]), joint.name
+        places = []
+        for angle in (0.0, 1e-3):
+            data.qpos[:] = stance
+            data.joint(joint.name).qpos[0] += angle
+            mujoco.mj_kinematics(model, data)
+            places.append(data.geom_xpos.copy())
+        moved = places[1] - places[0]
+        far = np.linalg.norm(places[0] - data.joint(joint.name).xanchor, axis=1)
+        way = moved[int((far * (np.linalg.norm(moved, axis=1) > 1e-9)).argmax())]
+        largest = int(np.abs(way).argmax())
+        assert message.endswith(DIRECTIONS[largest][int(way[largest] > 0.0)]), joint.name
         checked += 1
     assert checked > 10
     assert str(find_directions(op3)["head_pan"]).endswith("turns counter-clockwise")

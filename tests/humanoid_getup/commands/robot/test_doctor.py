@@ -1,6 +1,5 @@
 """`getup doctor`: what it finds before first torque, and that it only looks."""
 
-import json
 import os
 import pty
 from contextlib import nullcontext
@@ -109,17 +108,14 @@ def test_a_person_sees_verdict_joints_latency_and_what_was_done(tiny_served, cap
         assert words in out, out
 
 
-@pytest.mark.parametrize("permitted", [True, False])
-def test_it_says_whether_the_loop_goes_before_other_programs(
-    permitted: bool, tiny_served, monkeypatch, capsys, tmp_path
-):
-    monkeypatch.setattr(doctor, "in_real_time_class", lambda: nullcontext(permitted))
-    file = tmp_path / "health.json"
-    main(("doctor", "--robot", str(TINY), "--port", tiny_served.path, "--json", str(file)))
-    assert json.loads(file.read_text())["real_time_class"] is permitted
-    said = " ".join(capsys.readouterr().out.split())
-    assert ("the control loop goes before other programs" in said) is permitted
-    assert ("rtprio 60 in /etc/security/limits.d permits it: beside" in said) is not permitted
+def test_it_says_whether_the_loop_goes_before_other_programs(tiny_served, monkeypatch, capsys):
+    for permitted in (True, False):
+        monkeypatch.setattr(doctor, "in_real_time_class", lambda on=permitted: nullcontext(on))
+        main(("doctor", "--robot", str(TINY), "--port", tiny_served.path))
+        said = " ".join(capsys.readouterr().out.split())
+        assert ("the control loop goes before other programs" in said) is permitted
+        told = "rtprio 60 in /etc/security/limits.d permits it: beside"
+        assert (told in said) is not permitted
 
 
 def test_only_the_power_switch_is_written(capsys):
@@ -159,28 +155,10 @@ def test_a_dead_servo_is_named_and_the_others_are_reported(capsys):
 
 # Ports ---------------------------------------------------------------------------------------
 
-LATENCY = Latency(
-    rounds=50,
-    kind="sync read",
-    group_median=0.001,
-    group_p99=0.002,
-    reading_median=0.002,
-    reading_p99=0.003,
-    return_delays=0.0,
-    lost=0,
-    damaged=0,
-)
-PORT = PortReport(
-    name="main",
-    path="/dev/ttyUSB7",
-    baud=2_000_000,
-    latency_timer=1,
-    cycle_bytes=500,
-    cycle_time=0.0025,
-    latency=LATENCY,
-)
-
-
+TIMES = {"group_median": 0.001, "group_p99": 0.002, "reading_median": 0.002, "reading_p99": 0.003}
+LATENCY = Latency(rounds=50, kind="sync read", return_delays=0.0, lost=0, damaged=0, **TIMES)
+WIRE = {"baud": 2_000_000, "latency_timer": 1, "cycle_bytes": 500, "cycle_time": 0.0025}
+PORT = PortReport(name="main", path="/dev/ttyUSB7", latency=LATENCY, **WIRE)
 SLOW = {
     "error, holds replies back for up to 16 ms, expected 1 ms": {"latency_timer": 16},
     "warning, up to 2 ms, expected 1 ms": {"latency_timer": 2},
@@ -204,9 +182,6 @@ def test_a_line_that_is_too_slow_or_loses_answers_is_reported_with_a_remedy(monk
         assert words in finding.text
         assert finding.device == "port /dev/ttyUSB7"
         assert finding.remedy, expected
-
-
-def test_a_sound_line_has_no_findings_and_the_timers_remedy_names_the_device():
     assert check_port(PORT, period=0.008) == []
     assert "usb-serial/devices/ttyUSB7/latency_timer" in doctor.describe_timer_remedy(PORT.path)
 

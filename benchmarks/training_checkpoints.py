@@ -13,7 +13,7 @@ from threading import Event, Thread
 from training_progress import TrainingProgress
 
 from humanoid_getup.commands.learn.evaluate import EvaluateRequest, evaluate
-from humanoid_getup.commands.learn.export import ExportRequest, export
+from humanoid_getup.commands.learn.train import ExportRequest, export
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE
 

@@ -15,15 +15,15 @@ from humanoid_getup.commands.get_up.stand import hold as hold
 from humanoid_getup.commands.get_up.stand import sit as sit
 from humanoid_getup.commands.learn.evaluate import EvaluateRequest as EvaluateRequest
 from humanoid_getup.commands.learn.evaluate import evaluate as evaluate
-from humanoid_getup.commands.learn.export import ExportRequest as ExportRequest
-from humanoid_getup.commands.learn.export import export as export
 from humanoid_getup.commands.learn.foreign_policy import CheckPolicyRequest as CheckPolicyRequest
 from humanoid_getup.commands.learn.foreign_policy import ImportPolicyRequest as ImportPolicyRequest
 from humanoid_getup.commands.learn.foreign_policy import check_policy as check_policy
 from humanoid_getup.commands.learn.foreign_policy import import_policy as import_policy
 from humanoid_getup.commands.learn.make_prior import PriorRequest as PriorRequest
 from humanoid_getup.commands.learn.make_prior import make_prior as make_prior
+from humanoid_getup.commands.learn.train import ExportRequest as ExportRequest
 from humanoid_getup.commands.learn.train import TrainRequest as TrainRequest
+from humanoid_getup.commands.learn.train import export as export
 from humanoid_getup.commands.learn.train import train as train
 from humanoid_getup.commands.look.bench_all import BenchAll as BenchAll
 from humanoid_getup.commands.look.bench_all import measure_robot as measure_robot

@@ -63,7 +63,7 @@ COMMANDS = {
     ),
     "train": Entry("Train a policy, or continue a training.", "learn.train"),
     "eval": Entry("Evaluate a policy on settled falls.", "learn.evaluate"),
-    "export": Entry("Export the policy of a training.", "learn.export"),
+    "export": Entry("Export the policy of a training.", "learn.train"),
     "policy": Entry("Import and check policies of other projects."),
     "policy import": Entry(
         "Make a policy that was trained elsewhere run here.", "learn.foreign_policy"

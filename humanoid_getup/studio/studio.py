@@ -45,6 +45,12 @@ LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
 class Studio:
     """A page that is served; a context manager that ends everything it began."""
 
+    page: Page
+    """What all tabs share."""
+    timeline: Timeline
+    tabs: dict[str, Any]
+    """Tabs by their names."""
+
     def __init__(
         self, request: StudioRequest, announce: Callable[[str], None] = lambda _: None
     ) -> None:
@@ -71,21 +77,6 @@ class Studio:
         host = f"[{self._host}]" if ":" in self._host else self._host
         token = f"?{TOKEN}={self._guard.token}" if self._guard.token else ""
         return f"http://{host}:{self._port}/{token}"
-
-    @property
-    def page(self) -> Page:
-        """Return what all tabs share."""
-        return self._workspace.page
-
-    @property
-    def timeline(self) -> Timeline:
-        """Return the timeline."""
-        return self._workspace.timeline
-
-    @property
-    def tabs(self) -> dict[str, Any]:
-        """Return the tabs by their names."""
-        return self._workspace.tabs
 
     def change(self, request: StudioRequest) -> None:
         """Show another robot, body or scene; what was on the page is gone."""
@@ -134,7 +125,9 @@ class Studio:
         """Fill the page."""
         from humanoid_getup.studio.workspace import Workspace  # slow to import
 
-        return Workspace(request, self.server, world, Path(self._scratch.name), self.change)
+        filled = Workspace(request, self.server, world, Path(self._scratch.name), self.change)
+        self.page, self.timeline, self.tabs = filled.page, filled.timeline, filled.tabs
+        return filled
 
     def _leave(self) -> None:
         """End all jobs soon, unless a page is open by then."""

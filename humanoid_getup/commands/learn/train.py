@@ -1,4 +1,4 @@
-"""`getup train`: train a policy, or continue a training."""
+"""`getup train` and `export`: train a policy, continue a training, export what it has learned."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from rich.console import Console
-from tyro.conf import arg
+from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, needing, refusing
-from humanoid_getup.commands.files import FOLDER, READ
-from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.files import FOLDER, MADE, READ, ROBOT
+from humanoid_getup.commands.inputs import load_robot, load_robot_of
 from humanoid_getup.commands.options import RobotOption, Seed
 from humanoid_getup.commands.values import at_least
 from humanoid_getup.motions.motion_database import list_motions
@@ -23,7 +23,10 @@ from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.physics_engine import PhysicsEngine
 
 if TYPE_CHECKING:
+    from sim2real.training.export import Exported
     from sim2real.training.iteration_log import TrainReport
+
+
 CHECKPOINT = "checkpoint.pt"
 MOST_THREADS = 256
 RECENT = 20  # iterations whose falls are counted: enough for a steady share
@@ -242,3 +245,37 @@ def format_time(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportRequest(RobotOption):
+    """Export the policy of a training, as far as it has come, to one ONNX file."""
+
+    folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
+    """Folder of the training."""
+    out: Annotated[Path, MADE, arg(metavar="FILE")]
+    """ONNX file to write; an existing file is replaced."""
+    robot: Annotated[str, ROBOT] = ""
+    """Name of a robot, or a folder with a robot.toml; default: the training's."""
+
+
+@command("export")
+def export(request: ExportRequest, monitor: ProgressMonitor) -> Exported:
+    """Export the policy of a training, as far as it has come, to one ONNX file."""
+    monitor.begin("loading torch")
+    with needing("train"):
+        from sim2real.training.config import TrainingRecord
+        from sim2real.training.export import export_policy
+    monitor.begin("exporting")
+    with refusing():
+        training = TrainingRecord.load(request.folder)
+        robot = load_robot_of(request, training.robot, f"training {request.folder}")
+        return export_policy(training, robot, request.out)
+
+
+@export.show
+def _print_exported(exported: Exported, request: ExportRequest, console: Console) -> None:
+    console.print(
+        f"{request.out}: {exported.size / 1e3:.0f} kB, after {exported.iterations} iterations; "
+        f"torch and onnxruntime differ by {exported.difference:.1e} at most"
+    )

@@ -123,8 +123,9 @@ def read_search_map(world: World) -> SearchMap | None:
         side = _find_side(world, archive[0].path[0])
         ways += [(side, state.path) for state in archive]
     ways += [(WAY_UP, _list_up(state)) for state in filed.ways_up]
+    surveyor = _Surveyor(world, [way for _, way in ways])
     return SearchMap(
-        states=_Surveyor(world, [way for _, way in ways]).map_all([side for side, _ in ways]),
+        states=tuple(surveyor.map(side, way) for side, way in ways),
         simulated=filed.simulated,
         options=filed.options,
     )
@@ -147,7 +148,6 @@ class _Surveyor:
     """Measures all states of some ways once."""
 
     def __init__(self, world: World, ways: Sequence[Sequence[RestingState]]) -> None:
-        self._ways = ways
         self._rows: dict[RestingState, int] = {}
         for state in (state for way in ways for state in way):
             self._rows.setdefault(state, len(self._rows))
@@ -155,11 +155,8 @@ class _Surveyor:
         self._features: StandFeatures = StandMeter(world).measure(self._qpos)
         self._names = KindNamer(world).list_names(self._qpos)
 
-    def map_all(self, sides: Sequence[str]) -> tuple[MappedState, ...]:
-        """Map the state of each way, which has a side."""
-        return tuple(map(self._map, sides, self._ways))
-
-    def _map(self, side: str, way: Sequence[RestingState]) -> MappedState:
+    def map(self, side: str, way: Sequence[RestingState]) -> MappedState:
+        """Map the state of a way, which has a side."""
         features, rows = self._features, [self._rows[state] for state in way]
         own = rows[0] if side == WAY_UP else rows[-1]
         moves = [state.onward for state in way[:-1]]
@@ -258,7 +255,8 @@ class StateBoard(PlotBoard):
         if self._dots is not None:
             self._dots.remove()
         self._dots = self._add_dots(spots, colored.colors) if len(states) else None
-        steps = [_pick_step(self._locate(state), state.row) for state in states if state.moves]
+        # Of each way, the move that its state has added.
+        steps = [self._locate(s)[max(s.row - 1, 0) :][:2] for s in states if s.moves]
         self._moves.visible = bool(steps)
         if steps:
             self._moves.points = np.array(steps)
@@ -344,9 +342,3 @@ class StateBoard(PlotBoard):
         dot.visible = False
         label = self._add_label(f"key_{row}_label", "", across + KEY_GAP, up, "center-left")
         return dot, label
-
-
-def _pick_step(spots: Array, row: int) -> Array:
-    """Pick the move of a way, (moves + 1, 3), that its state at a row has added, (2, 3)."""
-    first = max(row - 1, 0)
-    return spots[first : first + 2]

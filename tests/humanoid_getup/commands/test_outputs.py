@@ -21,7 +21,7 @@ from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.get_up.play import PlayRequest
 from humanoid_getup.commands.get_up.results import draw_run
 from humanoid_getup.commands.get_up.run import RunRequest
-from humanoid_getup.commands.learn.export import ExportRequest
+from humanoid_getup.commands.learn.train import ExportRequest
 from humanoid_getup.commands.options import JsonOption, with_json
 from humanoid_getup.commands.output_files import find_file_problems, find_folder_problems, staging
 from humanoid_getup.experiments.judging.summary import Quantiles

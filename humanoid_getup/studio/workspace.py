@@ -83,13 +83,8 @@ def find_robots(folders: Folders) -> list[str]:
     No name is one of a robot that comes with the package.
     """
     files = folders.list_files(".toml", lambda path: path.name == ROBOT_FILE)
-    return [_name_folder(Path(file).parent) for file in files]
-
-
-def _name_folder(folder: Path) -> str:
-    """Name a folder by a path, if need be from the present one."""
-    name = str(folder)
-    return f"./{name}" if name in (".", *list_robots()) else name
+    names = [str(Path(file).parent) for file in files]
+    return [f"./{name}" if name in (".", *list_robots()) else name for name in names]
 
 
 def _unite(first: str, others: list[str]) -> tuple[str, ...]:

@@ -111,11 +111,6 @@ class CurveLibrary:
         return np.where(self.is_of_rise[rows], drawn, self.duration[rows])
 
 
-def is_held_out(rise: int) -> bool:
-    """Return whether a rise of a set is kept from training."""
-    return rise % HELD_OUT == 0
-
-
 def build_library(
     robot: Robot,
     model: mujoco.MjModel,
@@ -131,7 +126,7 @@ def build_library(
     mirrored = mirror_positions(robot, model, placed)
     for rise in range(len(rises)):
         first, end = int(rises.first[rise]), int(rises.first[rise + 1])
-        if is_held_out(rise) or not LEAST_DURATION <= rises.duration(rise) <= LONGEST:
+        if rise % HELD_OUT == 0 or not LEAST_DURATION <= rises.duration(rise) <= LONGEST:
             continue
         try:
             curve = rises.curves(rise)

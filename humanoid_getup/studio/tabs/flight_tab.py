@@ -224,7 +224,8 @@ def _make_marks(flight: ReplayedFlight) -> list[Mark]:
 def _list_facts(flight: ReplayedFlight, world: World) -> list[str]:
     record, report = flight.record, flight.report
     date = f"{record.started.removesuffix('+00:00').replace('T', ' ')} UTC"
-    facts = [*_find_ending(record), report.headline, record.describe()]
+    ended = [f"Ended: {event.text}" for event in record.events if event.kind == ENDED]
+    facts = [*ended[-1:], report.headline, record.describe()]
     facts += [f"{_describe_limit(record)}; {START[flight.start]}; recorded {date}"]
     if flight.scene != world.scene.name:
         facts.append(
@@ -241,12 +242,6 @@ def _list_facts(flight: ReplayedFlight, world: World) -> list[str]:
         )
         facts.append(f"largest (RMS) differences [rad]: {', '.join(worst)}")
     return facts
-
-
-def _find_ending(record: FlightRecord) -> list[str]:
-    """Find how the flight ended, as the program that logged it told; none if it did not."""
-    told = [event.text for event in record.events if event.kind == ENDED]
-    return [f"Ended: {told[-1]}"] if told else []
 
 
 def _describe_limit(record: FlightRecord) -> str:

@@ -502,7 +502,8 @@ run text.onnx --from supine | policy file text.onnx
 run half.onnx --from supine | policy file half.onnx
 run folder.onnx --from supine | folder.onnx: Is a directory
 [onnx] run unfit.onnx --from supine | unfit.onnx is of robot 'nao'
-[onnx] run unfit.onnx --from left --robot op3 | made for 'nao'
+[onnx] run unfit.onnx --from left --robot op3
+    | policy file unfit.onnx: robot: made for 'nao' | action mode: 'torque'
 [onnx] run bare.onnx --from supine | bare.onnx
 # flight logs
 replay none.mcap | none.mcap

@@ -3,6 +3,7 @@
 import errno
 import io
 import resource
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -33,7 +34,7 @@ from robots.storage.files import atomic_path
 NAMES = ("report.json", "strip.png")
 
 
-def test_files_appear_together_in_a_folder_that_is_made_for_them(tmp_path: Path):
+def test_files_appear_together_earlier_ones_go_and_the_users_own_stay(tmp_path: Path):
     folder = tmp_path / "new" / "out"
     with staging(folder, NAMES) as scratch:
         for name in NAMES:
@@ -41,14 +42,10 @@ def test_files_appear_together_in_a_folder_that_is_made_for_them(tmp_path: Path)
         assert not folder.exists()
     assert sorted(path.name for path in folder.iterdir()) == sorted(NAMES)
     assert list(tmp_path.iterdir()) == [tmp_path / "new"]
-
-
-def test_an_earlier_runs_files_go_and_the_users_own_stay(tmp_path: Path):
-    for name in (*NAMES, "notes.txt"):
-        (tmp_path / name).write_text("old")
-    with staging(tmp_path, NAMES) as scratch:
+    (folder / "notes.txt").write_text("old")
+    with staging(folder, NAMES) as scratch:
         (scratch / "report.json").write_text("new")
-    left = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    left = {path.name: path.read_text() for path in folder.iterdir()}
     assert left == {"report.json": "new", "notes.txt": "old"}
 
 
@@ -76,17 +73,16 @@ def test_pictures_for_which_there_is_no_room_do_not_take_the_report_with_them(
     assert reason == "strip.png: File too large"
 
 
-@pytest.mark.parametrize("robot", ["", "op3"])
-def test_a_policy_of_a_robot_is_no_output_but_of_what_makes_it(op3: Robot, robot: str):
+def test_a_policy_of_a_robot_is_no_output_but_of_what_makes_it(op3: Robot):
     file = op3.folder / "policies" / "robust.onnx"
-    asked = {"policy": "robust", "robot": robot, "origin": "supine", "json": str(file)}
-    run = with_json(RunRequest)(**asked)
-    (problem,) = run.find_problems()
-    assert problem.startswith("--json: ")
-    assert problem.endswith("robust.onnx is a file of the robot, expected another file")
-    assert ExportRequest(folder=Path("any"), robot=robot, out=file).find_problems() == []
-    description = ExportRequest(folder=Path("any"), robot=robot, out=op3.folder / "robot.toml")
-    assert len(description.find_problems()) == 1
+    for robot in ("", "op3"):
+        asked = {"policy": "robust", "robot": robot, "origin": "supine", "json": str(file)}
+        (problem,) = with_json(RunRequest)(**asked).find_problems()
+        assert problem.startswith("--json: ")
+        assert problem.endswith("robust.onnx is a file of the robot, expected another file")
+        export = ExportRequest(folder=Path("any"), robot=robot, out=file)
+        assert export.find_problems() == []
+        assert len(replace(export, out=op3.folder / "robot.toml").find_problems()) == 1
 
 
 def test_a_full_folder_is_refused_beforehand(tmp_path: Path):
@@ -128,20 +124,17 @@ def test_files_of_a_command_whose_json_cannot_be_written_do_not_appear(run: Run)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.parametrize(
-    "words",
-    [
+def test_a_full_device_is_refused_before_the_work(run: Run, monkeypatch):
+    monkeypatch.setattr(ProgressMonitor, "show", lambda _, each: pytest.fail(f"{each} begins"))
+    for words in (
         f"robots import {REPOSITORY}/robots/op3/model.xml --out out",
         "robots export op3 --ros2-control out",
         "play squat_to_stand --out out",
         f"log export {REPOSITORY}/README.md --rosbag2 out",
         "bench all --out out",
-    ],
-)
-def test_a_full_device_is_refused_before_the_work(run: Run, words: str, monkeypatch):
-    monkeypatch.setattr(ProgressMonitor, "show", lambda _, each: pytest.fail(f"{each} begins"))
-    code, _, error = run(*words.split(), "--json", "/dev/full")
-    assert (code, error) == (2, "getup: output file /dev/full: No space left on device\n")
+    ):
+        code, _, error = run(*words.split(), "--json", "/dev/full")
+        assert (code, error) == (2, "getup: output file /dev/full: No space left on device\n")
 
 
 def test_progress_that_goes_to_no_terminal_is_a_line_from_time_to_time(

@@ -42,7 +42,7 @@ def test_a_flight_with_another_body_is_replayed_with_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     out = tmp_path / "wide"
-    flown = f"play prone_push_up_gentle --body {BODY_TEXT} --out {out}"
+    flown = f"play squat_to_stand --body {BODY_TEXT} --out {out}"
     assert main(flown.split()) == 0
     assert json.loads((out / "report.json").read_text())["body"] == BODY_TEXT
     assert Motion.load(out / "motion.npz").provenance[BODY] == BODY_TEXT

@@ -105,14 +105,6 @@ def test_a_rise_writes_the_files_of_the_command_and_returns_its_figures(lying: s
     assert again.world.model.nq == done.world.model.nq
 
 
-def test_a_run_of_a_policy_reaches_another_process(lying: str):
-    done = hg.run_policy(hg.RunRequest(policy="styled", origin=lying, longest=0.3))
-    again = pickle.loads(pickle.dumps(done))
-    assert again.report == done.report
-    assert again.rise.figures() == done.rise.figures()
-    assert again.rise.plan.title == done.rise.plan.title
-
-
 @pytest.mark.parametrize(
     ("phase", "calls"),
     [

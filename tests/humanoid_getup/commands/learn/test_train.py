@@ -26,21 +26,9 @@ from sim2real.training.iteration_log import TrainReport
 pytestmark = pytest.mark.train
 
 TINY = ("train", "--out", "mine", "--iterations", "2", "--robots", "4", "--threads", "1")
-
-
-HELPED = TrainReport(
-    iteration=0,
-    iterations=500,
-    steps=10_240,
-    seconds=10.0,
-    falls=100,
-    stood=60,
-    reward=0.1,
-    lift=0.8,
-    alone=10,
-    stood_alone=0,
-    height_alone=0.4,
-)
+SPENT = {"iteration": 0, "iterations": 500, "steps": 10_240, "seconds": 10.0, "reward": 0.1}
+ENDS = {"falls": 100, "stood": 60, "alone": 10, "stood_alone": 0, "height_alone": 0.4}
+HELPED = TrainReport(**SPENT, **ENDS, lift=0.8)
 """Of 100 falls 60 end standing, all of them with help."""
 
 
@@ -50,17 +38,6 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     tiny = replace(RECIPES["quick"], hidden=(8, 8), falls=4)
     monkeypatch.setitem(RECIPES, "quick", tiny)
     return run
-
-
-def refuse(run: Run, *arguments: str) -> str:
-    """Run what must be refused; return the one line."""
-    before = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
-    code, out, error = run(*arguments)
-    message = [line for line in error.splitlines() if line.startswith("getup: ")]
-    assert (code, out, len(message)) == (2, "", 1)
-    after = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
-    assert after == before
-    return message[0]
 
 
 def test_a_training_continues_where_it_stopped(run: Run):
@@ -77,30 +54,31 @@ def test_a_training_continues_where_it_stopped(run: Run):
     assert json.loads(Path("mine/recipe.json").read_text())["recipe"]["iterations"] == 3
 
 
-def test_another_training_in_the_folder_is_reported_and_left_alone(run: Run):
-    assert run(*TINY)[0] == 0
-    line = refuse(run, *TINY, "--robots", "5", "--seed", "7")
-    assert "mine/recipe.json: made with another" in line
-    assert "recipe.robots (4, now 5)" in line
-    assert "seed (0, now 7)" in line
+def test_another_training_in_the_folder_and_a_spoilt_file_are_told_and_left_alone(run: Run):
+    def list_files() -> dict[Path, bytes]:
+        return {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
 
-
-def test_a_spoilt_file_of_a_training_is_named(run: Run):
     assert run(*TINY)[0] == 0
-    spoilt = (
+    whole = list_files()
+    code, out, error = run(*TINY, "--robots", "5", "--seed", "7")
+    assert (code, out) == (2, "")
+    assert "mine/recipe.json: made with another" in error
+    assert "recipe.robots (4, now 5)" in error
+    assert "seed (0, now 7)" in error
+    assert list_files() == whole
+    for name, content, message in (
         ("checkpoint.pt", b"PK\x03\x04 and no more", "checkpoint.pt is not a complete checkpoint"),
         ("recipe.json", b"{", "recipe.json is not a recipe of a training"),
         ("recipe.json", b"[1]", "recipe.json is not a recipe of a training"),
         ("falls.npz", b"PK", "falls.npz holds no starts, expected an .npz"),
-    )
-    for name, content, message in spoilt:
-        whole = Path("mine", name).read_bytes()
-        Path("mine", name).write_bytes(content)
+    ):
+        file = Path.cwd() / "mine" / name
+        file.write_bytes(content)
         code, out, error = run(*TINY, "--iterations", "3")
         assert (code, out) == (2, "")
         assert message in error
-        assert Path("mine", name).read_bytes() == content
-        Path("mine", name).write_bytes(whole)
+        assert file.read_bytes() == content
+        file.write_bytes(whole[file])
 
 
 def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeypatch):
@@ -148,12 +126,21 @@ def report(policy: TrainedPolicy, **fields: float) -> str:
     return policy.note(replace(HELPED, **fields))
 
 
-def test_robots_that_stand_by_the_force_alone_are_not_learning():
+def test_robots_that_stand_alone_or_with_less_help_now_or_before_it_was_continued_are_learning():
     policy = begin()
     report(policy)
-    assert (policy.share, policy.is_learning) == (0.0, False)
+    assert (policy.share, policy.is_learning) == (0.0, False), "they stand by the force alone"
     said = "60% of falls end standing with up to 80% of the weight held, 0% without help"
     assert said in str(policy)
+    for better in ({"stood_alone": 3}, {"lift": 0.75}):
+        policy = begin()
+        report(policy)
+        for _ in range(20):
+            report(policy, **better)
+        assert policy.is_learning, better
+    continued = begin()
+    report(continued, iteration=200, lift=0.3)
+    assert continued.is_learning
 
 
 def test_without_a_fall_of_a_kind_no_share_of_it_is_told():
@@ -167,41 +154,18 @@ def test_without_a_fall_of_a_kind_no_share_of_it_is_told():
     assert policy.describe().endswith("of the weight held")
 
 
-def test_robots_that_stand_alone_or_with_less_help_now_or_before_it_was_continued_are_learning():
-    for better in ({"stood_alone": 3}, {"lift": 0.75}):
-        policy = begin()
-        report(policy)
-        for _ in range(20):
-            report(policy, **better)
-        assert policy.is_learning, better
-    continued = begin()
-    report(continued, iteration=200, lift=0.3)
-    assert continued.is_learning
-
-
-def test_after_ten_minutes_it_is_told_once_whether_the_body_is_learning():
+def test_after_ten_minutes_it_is_told_once_whether_the_body_is_learning_and_what_it_lacks():
     policy = begin()
+    report(policy, seconds=20.0)
+    assert policy.assess().endswith("0% without help: too short to judge")
     assert report(policy, seconds=ASSESSED - 1.0) == ""
     told = report(policy, seconds=ASSESSED)
     assert told.startswith("after 10 min 60% of falls end standing with up to 80%")
     assert "not learned yet; necks end at 40% of the standing height" in told
     assert report(policy, seconds=ASSESSED + 10.0) == ""
-
-
-def test_a_short_training_blames_nothing():
-    policy = begin()
-    report(policy, seconds=20.0)
-    assert policy.assess().endswith("0% without help: too short to judge")
-
-
-@pytest.mark.parametrize(
-    ("motions", "neck", "lacks"),
-    [
+    for motions, neck, lacks in (
         (0, 0.4, "`getup motions discover` finds some"),
         (3, 0.4, "`getup robots check` names joints that are too weak"),
         (3, 0.9, "more --iterations may do"),
-    ],
-)
-def test_what_a_body_lacks_that_does_not_learn(motions: int, neck: float, lacks: str):
-    policy = begin(motions)
-    assert lacks in report(policy, seconds=ASSESSED, height_alone=neck)
+    ):
+        assert lacks in report(begin(motions), seconds=ASSESSED, height_alone=neck)

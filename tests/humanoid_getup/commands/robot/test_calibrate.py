@@ -209,22 +209,6 @@ def test_a_robot_that_holds_itself_up_goes_limp_only_after_a_yes(calibrate):
     assert "'r_hip' (id 2) hold the robot up" in person.asked[0]
 
 
-def test_a_robot_that_moves_is_measured_again_when_it_is_held_still(calibrate, monkeypatch):
-    with real_robot() as served:
-        read, moves = service.read_ticks, [0, 3, 9] * 100
-
-        def look(bus, joints, *more):
-            ticks = read(bus, joints, *more)
-            return {name: each + (moves.pop() if moves else 0) for name, each in ticks.items()}
-
-        monkeypatch.setattr(service, "read_ticks", look)
-        person = Person("", lambda: moves.clear() or "", "yes")
-        code, message = calibrate(served, person)
-    assert code == 0
-    assert "moves while it is measured: joint 'l_hip' by 0.8°" in person.heard[1]
-    assert message["joints"]["l_hip"]["zero_ticks"] == 2100
-
-
 # Signs ---------------------------------------------------------------------------------------
 
 

@@ -118,23 +118,6 @@ def test_it_says_whether_the_loop_goes_before_other_programs(tiny_served, monkey
         assert (told in said) is not permitted
 
 
-def test_only_the_power_switch_is_written(capsys):
-    with serving(TINY, powered=False) as served:
-        # A servo that wakes up takes its own position for its goal.
-        table = served.virtual.servos[0].table
-        writable = [i.name for i in table if i.writable and i.name != "goal_position"]
-        before = {name: served.peek(name) for name in writable}
-        code, message = examine(served, capsys)
-        after = {name: served.peek(name) for name in writable}
-        _, again = examine(served, capsys)
-    assert code == 0
-    assert message["written"] == [
-        "the servos' power was off: switched on at the board 'OpenCR' (id 200)"
-    ]
-    assert after == before
-    assert again["written"] == []
-
-
 # Ill ones ------------------------------------------------------------------------------------
 
 

@@ -11,17 +11,12 @@ from run_getup import Run
 
 from humanoid_getup.benchmarks import rise
 from humanoid_getup.commands.look.bench_rise import BenchRise, benchmark
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.storage.encoding import to_json
 
 QUICK: dict[str, Any] = {"n": 1, "seed": 4, "planning": False, "filtering": False}
-
-
-@pytest.fixture(scope="module")
-def here() -> list[dict[str, Any]]:
-    """Rise in this process."""
-    return rise_by(engine="local:1")
 
 
 def rise_by(**options: Any) -> list[dict[str, Any]]:
@@ -81,27 +76,32 @@ def test_workers_measure_what_one_process_measures(op3: Robot, tmp_path: Path, r
     assert cases[1] == cases[0]
 
 
-def test_interrupted_rises_are_resumed_from_their_ledger(
-    here: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch, run: Run
-):
-    rise_from, risen = rise.rise_from, []
+def test_interrupted_rises_are_resumed_from_their_ledger(monkeypatch: pytest.MonkeyPatch, run: Run):
+    """Of robots that stay where they lie."""
+    risen = list[int]()
 
-    def interrupt_the_third(*args: Any, **options: Any) -> RiseResult:
-        risen.append(args[1].number)
-        if len(risen) == 3:
+    def stay(strategy: PlannedRise, piece: rise.RisePiece) -> RiseResult:
+        risen.append(piece.number)
+        if len(risen) == 6:
             raise KeyboardInterrupt
-        return rise_from(*args, **options)
+        return RiseResult(
+            robot=strategy.world.robot,
+            start_class=piece.fall.start_class,
+            status=AttemptStatus.NEEDS_HELP,
+            reason=f"{piece.number}",
+        )
 
-    monkeypatch.setattr(rise, "rise_from", interrupt_the_third)
+    monkeypatch.setattr(rise, "rise_from", stay)
+    here = rise_by(engine="local:1")
     line = ("bench", "rise", "--n", "1", "--seed", "4", "--no-planning", "--no-filtering")
     kept = (*line, "--ledger", "ledger")
     code, _, error = run(*kept)
-    assert (code, risen) == (130, [0, 1, 2])
+    assert code == 130
     assert error.splitlines()[-1].endswith("--ledger ledger --resume continues")
     code, out, _ = run(*kept, "--resume", "--json", "resumed.json")
     assert code == 0
     assert "2 rises are finished" in out
-    assert risen == [0, 1, 2, 2]
+    assert risen == [0, 1, 2, 0, 1, 2, 2]
     assert read_rises(Path("resumed.json").read_text()) == here
     code, _, error = run(*kept, "--resume", "--torque-limit", "3")
     assert code == 2
@@ -112,10 +112,9 @@ def test_interrupted_rises_are_resumed_from_their_ledger(
 
 
 @pytest.mark.scale
-@pytest.mark.parametrize(("engine", "package"), [("local:2", "mujoco"), ("dask:2", "distributed")])
-def test_workers_give_what_this_process_gives(
-    here: list[dict[str, Any]], engine: str, package: str
-):
-    pytest.importorskip(package)
+def test_workers_give_what_this_process_gives():
+    here = rise_by(engine="local:1")
     assert len(here) == 3
-    assert rise_by(engine=engine) == here
+    assert rise_by(engine="local:2") == here
+    pytest.importorskip("distributed")
+    assert rise_by(engine="dask:2") == here

@@ -179,27 +179,13 @@ def test_a_cancelled_search_of_several_robots_is_resumed_where_it_was(two: list[
         assert Path(f"{name}_motions.png").exists()
 
 
-def test_options_that_do_not_fit_are_refused(two: list[Path]):
-    several = DiscoverRequest(robot="one,two", policy="quick", picture=Path("a.png"))
-    assert several.find_problems() == [
-        "--picture is given, expected none with several robots",
-        "--robot is one,two, expected one with a policy",
-    ]
-    of_search = DiscoverRequest(policy="quick", engine="local:2", resume=True, torque_limit=2.0)
-    assert of_search.find_problems() == [
-        f"{name} is given, expected none with a policy"
-        for name in ("--resume", "--torque-limit", "--engine")
-    ]
-    with pytest.raises(BadInputError, match="--robot has one twice, expected robots of different"):
-        discover_all(DiscoverRequest(robot="one,one"))
-    with pytest.raises(BadInputError, match="expected one: discover_all takes several"):
-        discover(DiscoverRequest(robot="one,two"))
-    assert not any((folder / "unfinished").exists() for folder in two)
-
-
-def test_a_worker_that_does_not_share_the_folder_is_refused(bare: Path, tmp_path: Path):
+def test_several_robots_and_a_worker_that_does_not_share_the_folder_are_refused(
+    bare: Path, tmp_path: Path
+):
     folder = SharedFolder(folder=bare, mark=tmp_path / "elsewhere")
     request = DiscoverRequest(robot=str(bare))
+    with pytest.raises(BadInputError, match="expected one: discover_all takes several"):
+        discover(replace(request, robot="one,two"))
     piece = SearchPiece(request=request, before=None, prefix="", folder=folder)
     with pytest.raises(BadInputError, match="expected one that all machines share"):
         search_piece(1, piece)

@@ -63,10 +63,6 @@ class StyleDesk:
         spots = board.find_point(feature, point), board.find_spot(feature, point, value)
         self.window.drag(*(self.window.find_pixel(client.camera, spot) for spot in spots))
 
-    def finish(self) -> None:
-        """Wait until the style has been rolled out as it is."""
-        assert self.tab.rollouts.wait(LONGEST_WAIT)
-
     def save(self, name: str) -> None:
         self.window.type("File", name)
         self.window.click("Save style")
@@ -90,9 +86,9 @@ def test_a_control_point_that_is_dragged_down_lets_the_robot_rise_later(
         before = desk.tab.editor.curves
         desk.drag_point(NECK, SEVENTH, 0.32)
         wait_until(lambda: desk.tab.editor.curves is not before)
-        desk.finish()
+        wait_until(lambda: desk.rise_time > sooner + LATER)
+        assert desk.tab.rollouts.wait(LONGEST_WAIT)
         dragged = desk.rise_time
-        assert dragged > sooner + LATER
         desk.save("dragged.toml")
         after = load_style(tmp_path / "dragged.toml", load_robot("op3")).curves[0]
         moved = np.argwhere(np.abs(after.points - before.points) > 1e-3)

@@ -61,6 +61,7 @@ class Command(Generic[Request, Result]):
         in_lines: bool,
     ) -> None:
         update_wrapper(self, work)
+        self.__dict__.pop("__wrapped__")  # its arguments are not those of a call
         self._name, self._work, self._json = name, work, json
         self._is_begun, self._person, self._in_lines = is_begun, person, in_lines
         self._show: Show[Result] | None = None
@@ -87,6 +88,9 @@ class Command(Generic[Request, Result]):
             CancelledError: if ``cancel`` ended it; finished parts are kept.
         """
         self._request.accept(request)
+        for name, function in (("report", report), ("cancel", cancel)):
+            if function is not None and not callable(function):
+                raise BadInputError(f"{name} is {function!r:.80}, expected a function")
         return self._do(request, report, cancel, **further)
 
     def _do(

@@ -39,27 +39,38 @@ class Written:
     """Names of the files in the folder; ``None`` for a field that is a file."""
     made: bool = False
     """Whether it is a motion or policy, which may replace an earlier one of the robot."""
+    suffix: str = ""
+    """Ending of the name, if it needs one."""
 
 
 READ, ROBOT = Read(), Read(robot=True)
 WRITTEN, FOLDER, MADE = Written(), Written(()), Written(made=True)
+PICTURE = Written(suffix=".png")
 
 
 def find_output_problems(request: Any) -> list[str]:
     """Report outputs that cannot be written, are inputs as well, or are the same file."""
-    problems, owners = [], dict[Path, str]()
+    problems, endings, owners, folders = [], [], dict[Path, str](), dict[Path, str]()
     for option, value, mark in _list_marked(request, Written):
         path = Path(value)
         if mark.names is None:
             problems += find_file_problems(path)
         else:
             problems += find_folder_problems(path, mark.names)
+            folders[make_absolute(path)] = option
+        if path.suffix.lower() != mark.suffix and mark.suffix:
+            endings.append(f"{option} is {path}, expected a name ending in {mark.suffix}")
         for file in [path] if mark.names is None else [path / name for name in mark.names]:
             place = make_absolute(file)
             if place in owners:
                 problems.append(f"{owners[place]} and {option} are both {file}, expected two files")
             owners[place] = option
-    return problems or _find_overwritten(request, owners)
+    for place, option in owners.items():
+        if place in folders:
+            problems.append(f"{option} is the folder of {folders[place]}, expected a file")
+        if above := [owners[folder] for folder in place.parents if folder in owners]:
+            problems.append(f"{option} is below the file of {above[0]}, expected another folder")
+    return problems or _find_overwritten(request, owners) or endings
 
 
 def _find_overwritten(request: Any, outputs: dict[Path, str]) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import arg
 
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.files import READ, ROBOT, WRITTEN, find_output_problems
+from humanoid_getup.commands.files import PICTURE, READ, ROBOT, WRITTEN, find_output_problems
 from humanoid_getup.commands.values import (
     Items,
     at_least,
@@ -213,7 +213,7 @@ class JsonOption(CommandRequest):
 class PictureOption(CommandRequest):
     """Option for a picture."""
 
-    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
+    picture: Annotated[Path | None, PICTURE, arg(metavar="FILE.png")] = None
     """Picture to write."""
 
 

@@ -15,6 +15,7 @@ from robots.storage.files import describe, read_bounded, write_atomically
 
 STARTS_OVER = "without --resume it starts over"
 RECIPE, PART, RESULT, CHECKSUM = "recipe", "part", "result", "sha256"
+_HEAD = f'{{"{RECIPE}":'.encode()  # of a ledger's file
 """Keys of the lines."""
 MOST_BYTES = 2**30
 
@@ -35,6 +36,8 @@ class Ledger:
         """
         if path.is_symlink():
             raise ValueError(f"{path}: is a symbolic link, expected a file: name or remove it")
+        if path.is_file() and not _HEAD.startswith(read_start(path, len(_HEAD))):
+            raise ValueError(f"{path}: is no ledger, expected one or a new file")
         self.path = path
         self.recipe: dict[str, Any] = as_kept(recipe)
         self.done: dict[str, Any] = {}
@@ -129,3 +132,9 @@ def check_recipe(
         raise ValueError(
             f"{path}: made with another {', '.join(differing)}, expected the same ({remedy})"
         )
+
+
+def read_start(path: Path, size: int) -> bytes:
+    """Read the first bytes of a file."""
+    with path.open("rb") as file:
+        return file.read(size)

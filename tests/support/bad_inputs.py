@@ -79,7 +79,7 @@ motions retarget | --robot STR is missing
 bench all --n 0 | --n is 0, expected 1 to 1000000
 bench all --limit-by luck | --limit-by is 'luck', expected current, pwm or ideal
 bench all --out text.txt | text.txt is not a folder
-bench all --out begun --quick --resume | benchmark.jsonl | starts over
+bench all --out begun --quick --resume | benchmark.jsonl | is no ledger
 play squat_to_stand --without-imu | robot 'op3' has an IMU (board) | neither [imu] nor [bus.board]
 play squat_to_stand --without-imu --then sit | --then is sit, expected hold or limp
 play squat_to_stand --without-imu --scene wall | --scene is wall, expected flat

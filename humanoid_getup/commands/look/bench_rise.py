@@ -75,7 +75,8 @@ class BenchRise(EngineOptions, PreferenceOptions, TorqueOptions, BodyOption, Sce
     assistance: Annotated[float, between(0.0, 1.0)] = 1.0
     """Factor on the virtual actuator's torques in the filter; with 0, no candidate has it."""
     ledger: Annotated[Path | None, WRITTEN, arg(metavar="FILE")] = None
-    """File in which every finished rise is kept, for work of hours: --resume continues with it."""
+    """File in which every finished rise is kept, for work of hours: --resume continues with it,
+    without --resume an earlier ledger is replaced."""
     resume: bool = False
     """Keep the finished rises of the ledger; they must be of the same benchmark."""
 

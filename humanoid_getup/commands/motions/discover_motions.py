@@ -14,7 +14,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError, refusing
-from humanoid_getup.commands.files import READ, ROBOT, WRITTEN
+from humanoid_getup.commands.files import PICTURE, READ, ROBOT
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.motions.build_motions import check_folders
 from humanoid_getup.commands.motions.search_motions import (
@@ -81,7 +81,7 @@ class DiscoverRequest(EngineOptions, RobotOption):
     rises: Annotated[int | None, at_least(2)] = None
     """Rises of a policy from each side; default: 48."""
     seed: Seed = 0
-    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
+    picture: Annotated[Path | None, PICTURE, arg(metavar="FILE.png")] = None
     """Picture of the motions to write; default: ROBOT_motions.png."""
 
     @property

@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND
-from humanoid_getup.commands.files import READ, WRITTEN
+from humanoid_getup.commands.files import PICTURE, READ
 from humanoid_getup.commands.inputs import find_keyframes, load_robot
 from humanoid_getup.commands.options import RobotOption
 from humanoid_getup.commands.output_files import check_file
@@ -35,7 +35,7 @@ class PreviewRequest(RobotOption):
     """Name of a motion in the keyframes."""
     keyframes: Annotated[Path | None, READ, arg(metavar="FILE")] = None
     """Keyframes file (.toml); default: the robot's keyframes.toml."""
-    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
+    picture: Annotated[Path | None, PICTURE, arg(metavar="FILE.png")] = None
     """Picture to write; default: NAME.png."""
 
 

@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import find_json_target, make_table
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.files import WRITTEN
+from humanoid_getup.commands.files import PICTURE
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.options import BodyOption, MotionName, RobotOption
 from humanoid_getup.commands.output_files import check_file
@@ -32,7 +32,7 @@ class ShowMotionRequest(BodyOption, RobotOption):
     """Draw a rising motion as a film strip."""
 
     motion: Positional[MotionName]
-    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
+    picture: Annotated[Path | None, PICTURE, arg(metavar="FILE.png")] = None
     """Picture to write; default: MOTION.png."""
 
 

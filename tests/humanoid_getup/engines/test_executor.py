@@ -43,10 +43,11 @@ from humanoid_getup.progress.ledger import Ledger
 from robots import load_robot
 
 PROGRAM = """
-import sys
+import signal, sys
 from counted_work import compute_for_ever
 from humanoid_getup.engines.executor import do_pieces, make_executor
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background, too
 if __name__ == "__main__":
     with make_executor("local:2") as executor:
         do_pieces(compute_for_ever, dict.fromkeys(sys.argv[2], sys.argv[1]), executor)

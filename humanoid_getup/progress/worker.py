@@ -113,7 +113,7 @@ def _send(pipe: Connection, progress: Progress) -> None:
 
 def _await_end(pipe: Connection) -> None:
     """Interrupt the work when the parent says so or ends; end the process if that is no use."""
-    grace, ended = GRACE, _idle  # without a parent, nobody receives a result
+    grace, ended = GRACE, _idle  # without a parent, a result is lost
     with suppress(EOFError, OSError):
         grace, ended = pipe.recv(), threading.Event()
     _cancelled.set()

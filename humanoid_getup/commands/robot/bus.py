@@ -39,7 +39,7 @@ from robots.description.servo_catalog import servo_models
 
 CHECK_PERIOD = 0.2  # s between two checks that the buses still run
 LATE = 0.5  # s by which physics falls further behind before that is said
-CLEAR = "\r\x1b[K"  # begins the line of a terminal anew
+CLEAR = "\r\x1b[K"  # returns to the start of a line and clears it
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ from nonempty import nonempty
 from records import make_record
 
 from humanoid_getup.experiments.judging.lying import (
+    GRAVITY_B,
     MAX_DESCENT,
     MAX_LEAN,
     MAX_SWAY,
@@ -73,3 +74,9 @@ def test_a_record_of_no_more_than_a_second_tells_nothing(count: int, lies: bool)
     assert judge_lying(orientation, joint_pos, neck, period, "supine").lies == lies
     batch = [np.stack([row] * 3) for row in (orientation, joint_pos, neck)]
     assert judge_lying(*batch, period, "supine").lies.tolist() == [lies] * 3
+
+
+def test_gravity_on_a_side_is_a_unit_vector_that_opposite_sides_reverse():
+    supine, prone, left, right = map(np.array, (GRAVITY_B[side] for side in SIDES))
+    assert [(supine + prone).any(), (left + right).any()] == [False, False]
+    assert np.linalg.norm([supine, left], axis=1).tolist() == [1.0, 1.0]

@@ -15,8 +15,8 @@ from robots.storage.files import describe, read_bounded, write_atomically
 
 STARTS_OVER = "without --resume it starts over"
 RECIPE, PART, RESULT, CHECKSUM = "recipe", "part", "result", "sha256"
-_HEAD = f'{{"{RECIPE}":'.encode()  # of a ledger's file
 """Keys of the lines."""
+HEAD = f'{{"{RECIPE}":'.encode()  # first bytes of the file
 MOST_BYTES = 2**30
 
 
@@ -36,7 +36,7 @@ class Ledger:
         """
         if path.is_symlink():
             raise ValueError(f"{path}: is a symbolic link, expected a file: name or remove it")
-        if path.is_file() and not _HEAD.startswith(read_start(path, len(_HEAD))):
+        if path.is_file() and not _may_be_ledger(path):
             raise ValueError(f"{path}: is no ledger, expected one or a new file")
         self.path = path
         self.recipe: dict[str, Any] = as_kept(recipe)
@@ -134,7 +134,7 @@ def check_recipe(
         )
 
 
-def read_start(path: Path, size: int) -> bytes:
-    """Read the first bytes of a file."""
+def _may_be_ledger(path: Path) -> bool:
+    """Return whether a file begins as a ledger does, or is empty or cut off there."""
     with path.open("rb") as file:
-        return file.read(size)
+        return HEAD.startswith(file.read(len(HEAD)))

@@ -99,7 +99,7 @@ def test_a_register_is_read_in_one_transfer_with_a_repeated_start(kernel: Kernel
     kernel.refusal = OSError(errno.ENOTTY, "Inappropriate ioctl for device")
     with pytest.raises(OSError, match="Inappropriate ioctl"):
         chip.open()
-    assert kernel.open_files == 0, "what is no I2C bus is not left open"
+    assert kernel.open_files == 0, "a device that is no I2C bus is closed"
 
 
 @pytest.mark.parametrize("kind", ["bno055", "bno08x"])

@@ -100,7 +100,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     ),
     "robots/body/parts.py": _BODY,
     "robots/body/limbs.py": _BODY,
-    "robots/body/mirror_pairs.py": _BODY,
+    "robots/body/sides.py": _BODY,
     "robots/body/soles.py": _BODY,
     "robots/body/statics.py": _BODY,
     "robots/model_import/servo_choice.py": ("tests/robots/model_import/test_servo_choice.py",),

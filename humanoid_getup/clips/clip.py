@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.body.limb import LIMB_NAMES, LimbName, LimbPose
+from robots.body.limbs import LIMB_NAMES, LimbName, LimbPose
 from robots.quaternion import Array
 from robots.storage.files import describe, read_bounded
 

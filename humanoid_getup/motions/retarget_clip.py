@@ -23,9 +23,8 @@ from humanoid_getup.motions.motion import (
     Trajectory,
 )
 from robots import Robot, quaternion
-from robots.body.limb import LIMB_NAMES, LimbName, LimbPose
 from robots.body.limb_solver import LimbSolver, Trunk
-from robots.body.limbs import Limbs
+from robots.body.limbs import LIMB_NAMES, LimbName, LimbPose, Limbs
 from robots.body.parts import leg_length
 from robots.kinematics import lowest_points, place_postures
 from robots.quaternion import Array

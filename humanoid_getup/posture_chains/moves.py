@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from robots import Posture, Robot
 from robots.body.drawn_postures import Prop, draw_crouches, draw_props
-from robots.body.limb import LEGS
-from robots.body.limbs import Limbs
+from robots.body.limbs import LEGS, Limbs
 from robots.body.squats import list_squats
 from robots.body.statics import Statics
 from robots.quaternion import Array

@@ -13,8 +13,7 @@ from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.simulation.world import World
-from robots.body.limb import ARMS, LEGS
-from robots.body.limbs import Limbs
+from robots.body.limbs import ARMS, LEGS, Limbs
 from robots.body.parts import leg_length
 from robots.quaternion import Array, rotate
 

@@ -19,8 +19,7 @@ from humanoid_getup.robot_check.model_check import check_body, check_mirrors, ch
 from humanoid_getup.robot_check.stance_check import check_hold, check_soles, check_stance
 from humanoid_getup.simulation.world import World
 from robots import Robot
-from robots.body.limb import ARMS, LEGS, Limb
-from robots.body.limbs import Limbs
+from robots.body.limbs import ARMS, LEGS, Limb, Limbs
 from robots.body.squats import DEEP_ENOUGH, Squat, find_touching, list_squats
 from robots.body.statics import Statics
 from robots.quaternion import Array

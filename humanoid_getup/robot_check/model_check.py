@@ -9,9 +9,8 @@ import numpy as np
 
 from humanoid_getup.robot_check.finding import CheckFinding
 from robots import Robot
-from robots.body.limb import ARMS, LEGS
-from robots.body.limbs import Limbs
-from robots.body.mirror_pairs import MirrorImages
+from robots.body.limbs import ARMS, LEGS, Limbs
+from robots.body.sides import MirrorImages
 from robots.quaternion import Array
 
 DENSITY = (5.0, 300.0)

@@ -16,8 +16,7 @@ from humanoid_getup.experiments.rollouts import play
 from humanoid_getup.robot_check.finding import CheckFinding
 from humanoid_getup.simulation.world import World, find_touching_bodies
 from robots import Robot
-from robots.body.limb import LEGS
-from robots.body.limbs import Limbs
+from robots.body.limbs import LEGS, Limbs
 from robots.body.overlap import find_overlaps
 from robots.body.soles import list_sole_points, measure_support_margin, measure_tilt
 from robots.kinematics import place

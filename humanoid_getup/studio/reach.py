@@ -20,8 +20,7 @@ from humanoid_getup.studio.inverse_kinematics import (
 )
 from humanoid_getup.studio.pose_robot import mirror_turned
 from robots import Posture, Robot, quaternion
-from robots.body.limb import LIMB_NAMES, Limb, LimbName
-from robots.body.limbs import Limbs
+from robots.body.limbs import LIMB_NAMES, Limb, LimbName, Limbs
 from robots.kinematics import find_carriers, place, read_posture
 from robots.quaternion import Array
 

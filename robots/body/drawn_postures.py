@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.body.flat_soles import (
+from robots.body.limb_solver import Trunk
+from robots.body.limbs import ARMS, LEGS, Limbs
+from robots.body.squats import (
     CLOSE,
     MARGIN,
     ROUGH,
@@ -16,9 +18,6 @@ from robots.body.flat_soles import (
     find_overlaps_but_arms,
     fit_posture,
 )
-from robots.body.limb import ARMS, LEGS
-from robots.body.limb_solver import Trunk
-from robots.body.limbs import Limbs
 from robots.quaternion import Array
 
 CROUCH_EXTENSIONS = (0.2, 0.98)  # shares of the stretched leg

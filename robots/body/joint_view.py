@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.body.links import gather_links
+from robots.body.parts import gather_links
 from robots.body.shapes import sample_shapes
 from robots.kinematics import couple_passive_joints, rest_passive_joints
 from robots.quaternion import Array

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from robots.body.joint_view import JointView
-from robots.body.limb import LEGS, Limb, LimbName, LimbPose
-from robots.body.limbs import Limbs
+from robots.body.limbs import LEGS, Limb, LimbName, LimbPose, Limbs
 from robots.body.parts import find_robot_parts
 from robots.quaternion import Array
 from robots.robot import Robot

@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.body.links import Link
-from robots.body.mirror_pairs import MirrorPairs, find_mirror
-from robots.body.parts import BodyParts, sort_parts
-from robots.body.sides import side_of
+from robots.body.parts import BodyParts, Link, sort_parts
+from robots.body.sides import MirrorPairs, find_mirror, side_of
 from robots.model_import.source import ModelImportError
 from robots.model_import.tree import KinematicTree
 from robots.quaternion import Array

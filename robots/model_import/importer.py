@@ -10,8 +10,8 @@ from pathlib import Path
 
 import mujoco
 
-from robots.body.body_plan import BodyPlan, list_rising, list_segments, list_spreading
 from robots.model_import.anatomy import find_anatomy
+from robots.model_import.body_plan import BodyPlan, list_rising, list_segments, list_spreading
 from robots.model_import.mjcf import read_mjcf
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.rebuilt import SOLES, RebuiltModel, SitePlacer

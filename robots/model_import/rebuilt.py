@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 
 from robots import quaternion
-from robots.body.body_plan import BodyPlan
 from robots.body.joint_view import JointView
-from robots.body.mirror_pairs import MirrorPairs
+from robots.body.sides import MirrorPairs
 from robots.body.soles import Sole, add_sole_site, find_lowest, find_sole
 from robots.model_import.anatomy import Anatomy
+from robots.model_import.body_plan import BodyPlan
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.source import ModelImportError
 from robots.quaternion import Array

@@ -9,12 +9,12 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from robots.body.body_plan import BodyPlan
-from robots.body.flat_soles import CLOSE, MARGIN, FlatSoles, Foot, fit_posture
 from robots.body.joint_view import JointView
 from robots.body.limbs import unit
-from robots.body.links import list_way_up
 from robots.body.overlap import Pair, find_overlaps
+from robots.body.parts import list_way_up
+from robots.body.squats import CLOSE, MARGIN, FlatSoles, Foot, fit_posture
+from robots.model_import.body_plan import BodyPlan
 from robots.quaternion import Array
 
 POSES = 60

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from robots.body.links import list_way_up
+from robots.body.parts import list_way_up
 from robots.model_import.source import ActuatorFigures, ModelSource
 from robots.model_import.ties import Tie, describe_separate
 from robots.model_import.tree import KinematicTree

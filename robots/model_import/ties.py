@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from robots.body.links import list_way_up
+from robots.body.parts import list_way_up
 from robots.quaternion import Array
 
 NARROW = 0.1  # rad; a tendon that is limited to less couples its joints, with backlash

@@ -9,7 +9,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from robots.body.links import gather_links
+from robots.body.parts import gather_links
 from robots.description.model_checks import HINGE, JOINT_KINDS
 from robots.model_import.source import MOST_INERTIA, ModelImportError, ModelSource
 from robots.quaternion import Array

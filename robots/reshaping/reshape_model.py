@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from robots import quaternion
 from robots.body.joint_view import LimbEnds
-from robots.body.links import Link
-from robots.body.parts import list_head_joints
+from robots.body.parts import Link, list_head_joints
 from robots.proportions import Body, BodyError
 from robots.quaternion import Array
 from robots.reshaping.stretching import (

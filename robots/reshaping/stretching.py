@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import quaternion
-from robots.body.links import Link, LinkFrames
-from robots.body.parts import find_parts
+from robots.body.parts import Link, LinkFrames, find_parts
 from robots.proportions import BodyError
 from robots.quaternion import Array
 

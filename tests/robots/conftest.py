@@ -4,8 +4,8 @@ import mujoco
 import pytest
 from small_humanoid import small_humanoid
 
-from robots.body.body_plan import BodyPlan
 from robots.model_import.anatomy import Anatomy, find_anatomy
+from robots.model_import.body_plan import BodyPlan
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.rebuilt import SOLES, RebuiltModel, SitePlacer
 from robots.model_import.source import ModelSource

@@ -15,7 +15,7 @@ from humanoid_getup.studio.inverse_kinematics import EndPose
 from humanoid_getup.studio.pose_robot import mirror_turned, turn_joint
 from humanoid_getup.studio.reach import LEAP, Drag, Reach
 from robots import Posture, Robot, load_robot
-from robots.body.limb import LIMB_NAMES
+from robots.body.limbs import LIMB_NAMES
 
 ROBOTS = ("op3", "toddlerbot")
 MILLIMETER = 0.001

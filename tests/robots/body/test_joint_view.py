@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.body.body_plan import BodyPlan, list_rising, list_segments
-from robots.body.flat_soles import FlatSoles, Foot
 from robots.body.joint_view import JointView, LimbEnds
-from robots.body.limb import Leg
-from robots.body.links import gather_links
+from robots.body.limbs import Leg
+from robots.body.parts import gather_links
+from robots.body.squats import FlatSoles, Foot
+from robots.model_import.body_plan import BodyPlan, list_rising, list_segments
 
 MODEL = """<mujoco><worldbody><body pos="0 0 1"><freejoint/><geom size="0.1"/>
   <body><joint name="elbow" axis="0 1 0"/>{forearm}</body>

@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 from tiny_robots import LEGS, limb, make_robot
 
 from robots import Robot, RobotError, load_robot
-from robots.body.limb import Limb, LimbName
 from robots.body.limb_solver import LimbSolver, Trunk
-from robots.body.limbs import Limbs
-from robots.body.links import Link
-from robots.body.parts import BodyParts, find_arm_joints, find_robot_parts, leg_length
+from robots.body.limbs import Limb, LimbName, Limbs
+from robots.body.parts import BodyParts, Link, find_arm_joints, find_robot_parts, leg_length
 
 SIDES: tuple[tuple[LimbName, LimbName], ...] = (
     ("left_arm", "right_arm"),

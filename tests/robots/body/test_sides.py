@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from nonempty import nonempty
 
 from robots import Robot, load_robot
-from robots.body.mirror_pairs import MirrorPairs, find_mirror
-from robots.body.sides import JointSides, remove_side, side_of, swap_side
+from robots.body.sides import JointSides, MirrorPairs, find_mirror, remove_side, side_of, swap_side
 
 PAIRS = [
     ("l_knee", "r_knee", "knee"),

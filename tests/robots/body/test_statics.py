@@ -11,8 +11,7 @@ from nonempty import nonempty
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion
 from robots.body.drawn_postures import MOST_DOWN, Prop, draw_props
-from robots.body.limb import LEGS
-from robots.body.limbs import Limbs
+from robots.body.limbs import LEGS, Limbs
 from robots.body.squats import Squat, list_squats
 from robots.body.statics import Statics
 from robots.kinematics import place

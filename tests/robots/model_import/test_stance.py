@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from robots.body.body_plan import BodyPlan
 from robots.body.joint_view import JointView
+from robots.model_import.body_plan import BodyPlan
 from robots.model_import.stance import (
     StanceSolver,
     exclude_brackets,

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from robots.body.joint_view import JointView
-from robots.body.limb import WHOLE, Leg
-from robots.body.mirror_pairs import MirrorPairs
+from robots.body.limbs import WHOLE, Leg
+from robots.body.sides import MirrorPairs
 from robots.quaternion import Array
 
 LEAST_ROOM = 0.2  # share of a joint's range that the range of its mirror joint must leave

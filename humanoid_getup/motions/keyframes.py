@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy  # which imports its parts when they are used
 
 from humanoid_getup.motions.motion import STANDING, EndClass, StartClass, hold_last
 from robots import Robot
@@ -61,7 +61,9 @@ class Keyframes:
         """Give all segments the time that the servos need, so that none is stretched any more."""
         return replace(self, duration=self._slow_down(robot, MOST_STRETCHES)[0])
 
-    def _slow_down(self, robot: Robot, rounds: int) -> tuple[Array, PchipInterpolator, Array]:
+    def _slow_down(
+        self, robot: Robot, rounds: int
+    ) -> tuple[Array, scipy.interpolate.PchipInterpolator, Array]:
         """Stretch segments that are too fast; return durations, and the last curve, sampled at."""
         duration = self.duration
         curve, time, stretch = self._measure_speed(duration, robot)
@@ -72,10 +74,10 @@ class Keyframes:
 
     def _measure_speed(
         self, duration: Array, robot: Robot
-    ) -> tuple[PchipInterpolator, Array, Array]:
+    ) -> tuple[scipy.interpolate.PchipInterpolator, Array, Array]:
         """Return curve and sample times for durations, and each segment's speed over the bound."""
         knots = np.concatenate([[0.0], np.cumsum(duration)])
-        curve = PchipInterpolator(knots, self.keys, axis=0)
+        curve = scipy.interpolate.PchipInterpolator(knots, self.keys, axis=0)
         time = np.arange(0.0, knots[-1] + robot.control_period, robot.control_period)
         time = np.minimum(time, knots[-1])
         excess = np.max(np.abs(curve(time, 1)) / (SPEED_SHARE * robot.max_velocity), axis=1)

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
+import scipy  # which imports its parts when they are used
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
@@ -87,8 +87,8 @@ class StandingPlaces:
         return self._found[np.argsort(apart, kind="stable")[:count]]
 
     @cached_property
-    def _tree(self) -> KDTree:
-        return KDTree(self._found)
+    def _tree(self) -> scipy.spatial.KDTree:
+        return scipy.spatial.KDTree(self._found)
 
     @cached_property
     def _found(self) -> Array:
@@ -96,7 +96,9 @@ class StandingPlaces:
         grid, fits = self._grid
         if fits.all() or not fits.any():
             return grid[fits]
-        roomy = KDTree(grid[~fits]).query(grid)[0] > ROOM * leg_length(self._world.robot)
+        roomy = scipy.spatial.KDTree(grid[~fits]).query(grid)[0] > ROOM * leg_length(
+            self._world.robot
+        )
         return grid[fits & roomy if (fits & roomy).any() else fits]
 
     @cached_property

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
+import scipy  # which imports its parts when they are used
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from humanoid_getup.clips.clip import LEFT_HIPS, NECKS, RIGHT_HIPS, UP, Clip, is_foot
 from humanoid_getup.scenes.ground import FLAT, Ground, mean_height
@@ -182,7 +182,7 @@ def is_stand(features: Array) -> NDArray[np.bool_]:
 
 def _fit(points: Array) -> Array:
     """Interpolate control points (9, 3), at rest at both ends, by polynomials (8, 4, 3)."""
-    return np.moveaxis(CubicSpline(PLACES, points, bc_type="clamped").c, 0, 1)
+    return np.moveaxis(scipy.interpolate.CubicSpline(PLACES, points, bc_type="clamped").c, 0, 1)
 
 
 def evaluate(pieces: Array, share: Array) -> Array:

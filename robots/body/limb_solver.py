@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy  # which imports its parts when they are used
 
 from robots.body.joint_view import JointView
 from robots.body.limbs import LEGS, Limb, LimbName, LimbPose, Limbs
@@ -59,7 +59,7 @@ class LimbSolver:
             off = BALANCE * (limbs.over_soles()[0] - ahead)
             return np.concatenate([[off], *map(np.ravel, turned), HABIT * (values - start)])
 
-        found = least_squares(residuals, start, bounds=self._bounds(joints)).x
+        found = scipy.optimize.least_squares(residuals, start, bounds=self._bounds(joints)).x
         return _replaced(before, joints, found)
 
     def _solve_limb(self, limb: Limb, pose: LimbPose, before: Array, *, is_near: bool) -> Array:
@@ -78,7 +78,10 @@ class LimbSolver:
         tries = [start]
         if not is_near:
             tries += [0.5 * (bounds[0] + bounds[1]), robot.standing.joint_pos[joints]]
-        solved = [least_squares(residuals, self._inside(joints, t), bounds=bounds) for t in tries]
+        solved = [
+            scipy.optimize.least_squares(residuals, self._inside(joints, t), bounds=bounds)
+            for t in tries
+        ]
         return _replaced(before, joints, min(solved, key=lambda found: found.cost).x)
 
     def _bounds(self, joints: list[int]) -> tuple[Array, Array]:
@@ -139,5 +142,5 @@ class Trunk:
 
         inner = 1e-6 * (upper - lower)
         start = np.clip(before[self.joints], lower + inner, upper - inner)
-        angles[self.joints] = least_squares(residuals, start, bounds=self._bounds).x
+        angles[self.joints] = scipy.optimize.least_squares(residuals, start, bounds=self._bounds).x
         return angles

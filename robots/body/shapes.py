@@ -7,7 +7,7 @@ from itertools import product
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy  # which imports its parts when they are used
 
 from robots import quaternion
 from robots.quaternion import Array
@@ -152,9 +152,8 @@ def _choose_box(points: Array, frames: list[Array]) -> Shape:
 
 def _find_large_face(points: Array) -> Array | None:
     """Find the normal of the largest flat face of the points' hull, (3,); None if it is small."""
-    try:
-        hull = ConvexHull(points)
-    except QhullError:
+    hull = find_hull(points)
+    if hull is None:
         return None
     first, second, third = (hull.points[hull.simplices[:, k]] for k in range(3))
     areas = 0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=1)
@@ -175,11 +174,17 @@ def _make_frame(normal: Array) -> Array:
     return np.column_stack([np.cross(side, up), side, up])
 
 
-def _corners(points: Array) -> Array:
+def find_hull(points: Array) -> scipy.spatial.ConvexHull | None:
+    """Find the convex hull of points (p, d); None if they are flat, or none."""
     try:
-        return points[ConvexHull(points).vertices]
-    except QhullError:  # flat
-        return points
+        return scipy.spatial.ConvexHull(points) if len(points) else None
+    except scipy.spatial.QhullError:
+        return None
+
+
+def _corners(points: Array) -> Array:
+    hull = find_hull(points)
+    return points if hull is None else points[hull.vertices]
 
 
 def _turn(axis: int, angle: float) -> Array:
@@ -222,9 +227,7 @@ def _hull(points: Array) -> Shape:
         chosen.append(int(np.argmax(away)))
         away = np.minimum(away, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
     kept = corners[chosen]
-    try:
-        ConvexHull(kept)
-    except QhullError:
+    if find_hull(kept) is None:
         return fit_shape(points)
     origin = np.zeros(3)
     return Shape(int(GEOM.mjGEOM_MESH), origin, origin, quaternion.IDENTITY, points=kept)

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from robots import quaternion
-from robots.body.shapes import sample_shapes
+from robots.body.shapes import find_hull, sample_shapes
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.robot import Robot
@@ -58,11 +57,8 @@ def find_lowest(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
 
 def _list_faces(points: Array, down: Array) -> list[tuple[Array, Array]]:
     """List normal and points of the flat faces of the points' hull that face down, (3,)."""
-    if not len(points):
-        return []
-    try:
-        hull = ConvexHull(points)
-    except QhullError:
+    hull = find_hull(points)
+    if hull is None:
         return []
     faces = []
     for equation in np.unique(hull.equations.round(4), axis=0):  # a face is made of triangles
@@ -74,11 +70,13 @@ def _list_faces(points: Array, down: Array) -> list[tuple[Array, Array]]:
 
 
 def _measure_area(normal: Array, points: Array) -> float:
-    flat = points @ np.linalg.svd(normal[None])[2][1:].T  # along two unit vectors in it
-    try:
-        return float(ConvexHull(flat).volume)  # of points in a plane, the area
-    except QhullError:
-        return 0.0
+    return _measure_outline(points @ np.linalg.svd(normal[None])[2][1:].T)
+
+
+def _measure_outline(points: Array) -> float:
+    """Measure the area that points (p, 2) enclose [m²]."""
+    hull = find_hull(points)
+    return 0.0 if hull is None else float(hull.volume)  # of points in a plane, the area
 
 
 def _describe(
@@ -126,7 +124,7 @@ def measure_tilt(points: Array) -> float:
     """
     faces = _list_faces(points, np.array([0.0, 0.0, -1.0]))
     largest = max(faces, key=lambda face: _measure_area(*face), default=None)
-    if largest is None or _measure_area(*largest) < LARGE * ConvexHull(points[:, :2]).volume:
+    if largest is None or _measure_area(*largest) < LARGE * _measure_outline(points[:, :2]):
         return 0.0
     return float(np.arccos(np.clip(-largest[0][2], -1.0, 1.0)))
 
@@ -143,10 +141,10 @@ def measure_support_margin(robot: Robot, model: mujoco.MjModel) -> float:
     center = data.subtree_com[robot.layout(model).torso][:2]
     points = np.concatenate([_place_sole(model, data, site) for site in robot.sole_sites])
     points = points[points[:, 2] < points[:, 2].min() + ON_GROUND][:, :2]
-    try:
-        edges = ConvexHull(points).equations  # outward normals and offsets
-    except QhullError:
+    hull = find_hull(points)
+    if hull is None:
         return -np.inf
+    edges = hull.equations  # outward normals and offsets
     return float(-np.max(edges[:, :2] @ center + edges[:, 2]))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy  # which imports its parts when they are used
 
 from robots.body.joint_view import JointView
 from robots.body.limbs import ARMS, LEGS, Leg, Limbs
@@ -100,7 +100,7 @@ def fit_posture(
         return np.concatenate([measure(), HABIT * (values - before)])
 
     start = np.clip(start, *bounds)
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         residuals, start, bounds=bounds, max_nfev=EVALUATIONS, ftol=tolerance, xtol=tolerance
     )
     return look(found.x)

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
+from robots.body.shapes import find_hull
 from robots.quaternion import Array
 from robots.storage.files import check_file, describe, read_bounded
 from robots.storage.model_files import MAX_ASSET, MAX_ASSETS, POINTER_PROBLEM, is_pointer, parse_xml
@@ -155,14 +155,12 @@ def _turn(axis: Array, angle: float) -> Array:
 
 
 def _write_stl(points: Array) -> bytes:
-    try:
-        hull = ConvexHull(points)
-    except QhullError:
-        try:
-            normal = np.linalg.svd(points - points.mean(axis=0))[2][2]  # of points in a plane
-            hull = ConvexHull(np.concatenate([points - THIN * normal, points + THIN * normal]))
-        except QhullError as error:
-            raise ValueError("it holds no solid: all of it is in one line or place") from error
+    hull = find_hull(points)
+    if hull is None:
+        normal = np.linalg.svd(points - points.mean(axis=0))[2][2]  # of points in a plane
+        hull = find_hull(np.concatenate([points - THIN * normal, points + THIN * normal]))
+    if hull is None:
+        raise ValueError("it holds no solid: all of it is in one line or place")
     faces = hull.points[hull.simplices]  # (f, 3, 3)
     inwards = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     flipped = np.sum(inwards * hull.equations[:, :3], axis=1) < 0.0

@@ -23,6 +23,7 @@ import tyro
 from msgspec import structs
 from rich.console import Console
 
+from humanoid_getup.experiments.disturbances import RandomAxis
 from humanoid_getup.experiments.falls import CLASSES, Fall, FallSet
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
@@ -35,7 +36,7 @@ from robots.storage.encoding import to_json, to_plain
 from robots.storage.files import write_atomically
 from sim2real.environment.training_world import MODEL_VARIANTS, build_training_world
 from sim2real.perturbations import Perturbation, PolicyTrial, summarize_rollouts
-from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts
+from sim2real.policy_evaluation import PolicyRollouts
 
 GROUPS: dict[str, dict[str, Perturbation]] = {
     "torque": {
@@ -48,9 +49,9 @@ GROUPS: dict[str, dict[str, Perturbation]] = {
         "2.0 N·m by PWM": Perturbation(torque_limit=2.0, limit_by="pwm"),
     },
     "robustness": {
-        "delay 20 ms": Perturbation(delay=0.02),
-        "delay 40 ms": Perturbation(delay=0.04),
-        "delay 60 ms": Perturbation(delay=0.06),
+        "delay 20 ms": Perturbation(action_delay=0.02),
+        "delay 40 ms": Perturbation(action_delay=0.04),
+        "delay 60 ms": Perturbation(action_delay=0.06),
         "supply 10.5 V": Perturbation(voltage=10.5),
         "supply 11.1 V": Perturbation(voltage=11.1),
         "supply 12.6 V": Perturbation(voltage=12.6),
@@ -59,16 +60,16 @@ GROUPS: dict[str, dict[str, Perturbation]] = {
         "friction 1.2": Perturbation(friction=1.2),
         "mass -15 %": Perturbation(mass=0.85),
         "mass +15 %": Perturbation(mass=1.15),
-        "backlash 0.25 deg": Perturbation(backlash=math.radians(0.25)),
-        "backlash 1 deg": Perturbation(backlash=math.radians(1.0)),
-        "backlash 2 deg": Perturbation(backlash=math.radians(2.0)),
+        "backlash 0.25 deg": Perturbation(hinge_backlash=math.radians(0.25)),
+        "backlash 1 deg": Perturbation(hinge_backlash=math.radians(1.0)),
+        "backlash 2 deg": Perturbation(hinge_backlash=math.radians(2.0)),
         "one servo at 60 %": Perturbation(weak_servo=0.6),
         "pushes 0.3 m/s": Perturbation(push=0.3),
         "pushes 0.5 m/s": Perturbation(push=0.5),
         "sensor noise": Perturbation(noise=True),
-        "gyro bias 2 deg/s": Perturbation(gyro_bias=math.radians(2.0)),
-        "IMU rotated 2 deg": Perturbation(imu_tilt=math.radians(2.0)),
-        "IMU rotated 5 deg": Perturbation(imu_tilt=math.radians(5.0)),
+        "gyro bias 2 deg/s": Perturbation(gyro_bias=RandomAxis(math.radians(2.0))),
+        "IMU rotated 2 deg": Perturbation(imu_tilt=RandomAxis(math.radians(2.0))),
+        "IMU rotated 5 deg": Perturbation(imu_tilt=RandomAxis(math.radians(5.0))),
     },
     "transfer": {name: Perturbation(physics=name) for name in MODEL_VARIANTS},
 }
@@ -121,8 +122,8 @@ def main(options: Options) -> None:
         style = policy.style
         choose = (lambda _, features: style.choose(features)) if style else None
         return PolicyTrial(
-            robot=robot,
-            policy=PolicyDriver.of(policy, choose),
+            policy=policy,
+            choose_style=choose,
             perturbation=trial,
             seed=options.seed,
             threads=options.threads,

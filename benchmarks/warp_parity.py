@@ -33,7 +33,7 @@ from robots.quaternion import Array
 from sim2real.environment.starts import SETTLED_SPEED
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import MODEL_VARIANTS, build_training_world
-from sim2real.policy_evaluation import PolicyDriver, roll_out_policy
+from sim2real.policy_evaluation import PolicyRun
 
 STATES, STEPS_BETWEEN = 24, 4  # of each fall, from which single steps are compared
 SAME_SPEED = 0.01  # rad/s and m/s
@@ -74,7 +74,7 @@ def rise(world: World, physics: PhysicsEngine, policy: OnnxPolicy, starts: Array
         physics=physics,
     )
     began = time.perf_counter()
-    rollouts = roll_out_policy(sim, PolicyDriver.of(policy), starts)
+    rollouts = PolicyRun(sim=sim, policy=policy).run(starts)
     stood = np.where(rollouts.outcome.stood, "stood", "not")
     return Timed(stood, time.perf_counter() - began)
 

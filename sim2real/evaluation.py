@@ -25,7 +25,7 @@ from humanoid_getup.style.curves import ExtractionError, StyleCurves
 from humanoid_getup.style.style import Style, load_any_style, load_style
 from robots import Robot, load_robot
 from sim2real.perturbations import Perturbation, PolicyTrial
-from sim2real.policy_evaluation import PolicyDriver, PolicyFigures
+from sim2real.policy_evaluation import PolicyFigures
 
 NEAREST = "nearest"
 """Style without a choice: the nearest of all named ones."""
@@ -62,15 +62,6 @@ class RolloutPiece:
     """Name or file of the style that it follows; None for a policy without style curves."""
     seed: int
     """Of what is random about its robots."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RolledOut:
-    """Figures of some rollouts."""
-
-    figures: PolicyFigures
-    planned: int
-    """Number of rises that followed the curves of a plan."""
 
 
 def cut_falls(grounds: Grounds, style: str | None, *, most: int, seed: int) -> list[RolloutPiece]:
@@ -132,34 +123,39 @@ class EvaluatedPolicy:
         world = World(self.robot, ground.load(self.robot))
         return sample_fall_set(world, dict.fromkeys(CLASSES, 1), ground.seed)
 
-    def roll_out(self, piece: RolloutPiece) -> RolledOut:
+    def roll_out(self, piece: RolloutPiece) -> PolicyFigures:
         """Let the policy get up from falls, and report robots as they are done."""
-        choice, planned = self._choose_curves(piece)
+        planned = self._plan_curves(piece) if piece.style == PLANNED else []
         trial = PolicyTrial(
-            robot=self.robot,
-            policy=PolicyDriver.of(self.policy, choice, sees_ground=self.sees_ground),
+            policy=self.policy,
+            choose_style=self._choose_curves(piece.style, planned),
+            sees_ground=self.sees_ground,
             perturbation=self.perturbation,
             seed=piece.seed,
             scene=piece.ground.load(self.robot),
             threads=self.threads,
         )
-        share = 1.0 - PLAN_SHARE if piece.style == PLANNED else 1.0
+        share = 1.0 - PLAN_SHARE if planned else 1.0
         starts = [fall.posture for fall in piece.falls]
         rollouts = trial.run(starts, lambda robots: report(Progress(done=share * robots)))
-        return RolledOut(figures=rollouts.figures, planned=planned)
+        return PolicyFigures(  # smaller by far than the rollouts
+            outcome=rollouts.outcome,
+            style_error=rollouts.style_error,
+            restarts=rollouts.restarts,
+            planned=np.array([each is not None for each in planned]) if planned else None,
+        )
 
-    def _choose_curves(self, piece: RolloutPiece) -> tuple[StyleChoice | None, int]:
-        """Make the choice of curves; count rises that follow a plan's curves."""
-        if piece.style is None:
-            return None, 0
-        style = load_followed(piece.style, self.robot)
-        if piece.style != PLANNED:
-            return lambda _row, features: style.choose(features), 0
-        curves = self._plan_curves(piece)
-        found = sum(each is not None for each in curves)
-        return lambda row, features: curves[row] or style.choose(features), found
+    def _choose_curves(
+        self, style: str | None, planned: Sequence[StyleCurves | None]
+    ) -> StyleChoice | None:
+        """Make the choice of curves: those that were planned for a fall, or else a style's."""
+        if style is None:
+            return None
+        named = load_followed(style, self.robot)
+        curves = dict(enumerate(planned))
+        return lambda row, features: curves.get(row) or named.choose(features)
 
-    def _plan_curves(self, piece: RolloutPiece) -> Sequence[StyleCurves | None]:
+    def _plan_curves(self, piece: RolloutPiece) -> list[StyleCurves | None]:
         """Plan a motion for each fall, and read its curves; ``None`` where no plan stands."""
         world = World(self.robot, piece.ground.load(self.robot))
         planner = PlannedRise(world, options=PlannerOptions(threads=self.threads))

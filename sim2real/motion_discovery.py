@@ -31,7 +31,6 @@ from robots.kinematics import place, read_posture
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
 from sim2real.perturbations import PolicyTrial
-from sim2real.policy_evaluation import PolicyDriver
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,8 +58,7 @@ def collect_rises(
     starts = [place(world.robot, world.model, fall.posture) for fall in fallen]
     starts += [lay_down_at_random(world, start_class, rng) for _ in range(count - len(starts))]
     postures = [read_posture(world.robot, world.model, qpos) for qpos in starts]
-    driver = PolicyDriver.of(policy)
-    found = PolicyTrial(robot=world.robot, policy=driver, scene=world.scene).run(postures)
+    found = PolicyTrial(policy=policy, scene=world.scene).run(postures)
     times = found.outcome.stand_time.tolist()
     return [
         PolicyRise(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,11 @@ from humanoid_getup.experiments.judging.summary import (
     summarize,
     wilson_interval,
 )
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.policy.style_follower import StyleChoice
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
-from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, TorqueLimit
+from robots import Posture, TorqueLimit
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.servo import LimitMode
@@ -34,54 +35,48 @@ from sim2real.environment.training_world import (
 )
 from sim2real.policy_evaluation import (
     DURATION,
-    PolicyDriver,
     PolicyFigures,
     PolicyRollouts,
+    PolicyRun,
     join_rollouts,
-    roll_out_policy,
 )
 
 PHYSICS_STEP = 0.002  # s, the twin's
 PUSH_EVERY = 1.0  # s
-UNITS = {
-    "torque_limit": "N·m",
-    "delay": "s",
-    "voltage": "V",
-    "backlash": "rad",
-    "push": "m/s",
-    "imu_tilt": "rad",
-    "gyro_bias": "rad/s",
-}
 CHUNK = 250  # robots simulated at once
 REPORTED = 25  # policy steps between two reports of progress
 
 
+LABELS = {
+    "torque_limit": ("torque limit", " N·m"),
+    "limit_by": ("limit by", ""),
+    "action_delay": ("delay", " s"),
+    "voltage": ("voltage", " V"),
+    "friction": ("friction", ""),
+    "mass": ("mass", ""),
+    "hinge_backlash": ("backlash", " rad"),
+    "weak_servo": ("weak servo", ""),
+    "push": ("push", " m/s"),
+    "imu_tilt": ("imu tilt", " rad"),
+    "gyro_bias": ("gyro bias", " rad/s"),
+    "noise": ("noise", ""),
+    "physics": ("physics", ""),
+}
+"""Words and unit of each field of a perturbation that tables show."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class Perturbation:
-    """Differences from the robot's description; none by default."""
+class Perturbation(Disturbance):
+    """A disturbance of all robots of a trial, with what acts on them and in their physics."""
 
     torque_limit: float | None = None
     """Torque limit of every servo [N·m]."""
     limit_by: LimitMode | None = None
     """What the torque limit acts on; ``None`` for the robot's own."""
-    delay: float = 0.0
-    """Delay of targets on their way to the servos [s]."""
-    voltage: float | None = None
-    """Supply [V]."""
-    friction: float | None = None
-    """Sliding friction of every contact."""
-    mass: float = 1.0
-    """Factor on the mass of every link."""
-    backlash: float = 0.0
-    """Backlash of every gear, from end to end [rad]."""
-    weak_servo: float = 1.0
-    """Factor on torque and gain of one servo, a random one in every robot."""
+    hinge_backlash: float = 0.0
+    """Backlash of every gear, from end to end [rad], by a hinge with stops in its model."""
     push: float = 0.0
     """Velocity change by a push in a random direction, once a second [m/s]."""
-    imu_tilt: float = 0.0
-    """Mounting error of the IMU about a random axis [rad]."""
-    gyro_bias: float = 0.0
-    """Bias of the gyro about a random axis [rad/s]."""
     noise: bool = False
     """Whether sensors have the noise of training."""
     physics: str | None = None
@@ -89,22 +84,26 @@ class Perturbation:
 
     @property
     def label(self) -> str:
-        """Describe the differences."""
+        """Describe the differences from the robot's description."""
         parts = []
-        for field in fields(self):
-            value = getattr(self, field.name)
-            shown = f"{value:.3g}" if isinstance(value, float) else str(value)
-            words = f"{field.name.replace('_', ' ')} {shown} {UNITS.get(field.name, '')}"
-            parts += [words.rstrip()] if value != field.default else []
+        for name, (words, unit) in LABELS.items():
+            value = getattr(self, name)
+            if value != getattr(Perturbation, name):
+                value = value.length if isinstance(value, RandomAxis) else value
+                shown = f"{value:.3g}" if isinstance(value, float) else str(value)
+                parts.append(f"{words} {shown}{unit}")
         return ", ".join(parts) or "as described"
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyTrial:
-    """A policy on a robot under a perturbation."""
+    """A policy on its robot under a perturbation."""
 
-    robot: Robot
-    policy: PolicyDriver
+    policy: OnnxPolicy
+    choose_style: StyleChoice | None = None
+    """Chooses the curves that each robot follows, for a policy with style curves."""
+    sees_ground: bool = False
+    """Whether a policy with a height map gets the true one instead of a flat one."""
     perturbation: Perturbation = Perturbation()
     seed: int = 0
     """Seed of weak servos, pushes, the IMU's axis and noise."""
@@ -121,34 +120,34 @@ class PolicyTrial:
         The work done is reported in robots, in parts while they move.
         """
         world, rng = self._build_world(), np.random.default_rng(self.seed)
-        rollouts = []
-        for first in range(0, len(starts), CHUNK):
-            some = starts[first : first + CHUNK]
-            rollouts.append(self._roll_out(world, some, self.policy.skip(first), rng, report))
+        rollouts = [
+            self._roll_out(world, first, starts[first : first + CHUNK], rng, report)
+            for first in range(0, len(starts), CHUNK)
+        ]
         return join_rollouts(rollouts)
 
     def _build_world(self) -> World:
         """Build the world with the perturbations of the model."""
-        robot, perturbation = self.robot, self.perturbation
+        robot, perturbation = self.policy.robot, self.perturbation
         variants: list[ModelVariant] = []
         if perturbation.physics:
             variants.append(MODEL_VARIANTS[perturbation.physics])
-        if perturbation.backlash:
-            variants.append(backlash(perturbation.backlash))
-        delays = LONGEST_DELAY if perturbation.delay else 0.0
+        if perturbation.hinge_backlash:
+            variants.append(backlash(perturbation.hinge_backlash))
+        delays = LONGEST_DELAY if perturbation.action_delay else 0.0
         timestep = robot.choose_timestep(PHYSICS_STEP)
         return build_training_world(robot, self.scene, timestep, delays, variants)
 
     def _roll_out(
         self,
         world: World,
+        first: int,
         starts: Sequence[Posture],
-        policy: PolicyDriver,
         rng: np.random.Generator,
         report: Callable[[float], None],
     ) -> PolicyRollouts:
-        """Roll out the policy from some starts at once."""
-        perturbation, action = self.perturbation, policy.action
+        """Roll out the policy from some starts at once, of which the first has a number."""
+        perturbation, action, choose = self.perturbation, self.policy.action, self.choose_style
         sim = TrainingSim(
             world,
             len(starts),
@@ -157,7 +156,8 @@ class PolicyTrial:
             threads=self.threads,
             noise=NOISE,
         )
-        sim.set_parameters(sim.everyone, make_parameters(world, sim.n, perturbation, rng))
+        limit = TorqueLimit(perturbation.torque_limit, perturbation.limit_by)
+        sim.set_parameters(sim.everyone, perturbation.draw(world, sim.n, rng, limit))
         steps = round(self.duration / sim.step_time)
 
         def on_step(step: int) -> None:
@@ -165,14 +165,16 @@ class PolicyTrial:
                 report(sim.n * REPORTED / steps)
             _push(sim, perturbation.push, rng, step)
 
-        found = roll_out_policy(
-            sim,
-            policy,
-            np.array([place(self.robot, world.model, posture) for posture in starts]),
+        run = PolicyRun(
+            sim=sim,
+            policy=self.policy,
+            choose_style=choose and (lambda row, features: choose(first + row, features)),
+            sees_ground=self.sees_ground,
             duration=self.duration,
             rng=rng if perturbation.noise else None,
             on_step=on_step,
         )
+        found = run.run(np.array([place(world.robot, world.model, start) for start in starts]))
         report(sim.n * (1.0 - (steps - 1) // REPORTED * REPORTED / steps))
         return found
 
@@ -212,24 +214,6 @@ def _summarize_rows(
         stood_interval_95=wilson_interval(successes, n),
         **{name: summarize(values[rows]) for name, values in columns.items()},
     )
-
-
-def make_parameters(
-    world: World, n: int, perturbation: Perturbation, rng: np.random.Generator
-) -> DomainParameters:
-    """Make parameters of ``n`` robots; which servo is weak and the IMU's axes are random."""
-    usual, friction = world.scene.surface.friction, perturbation.friction
-    disturbance = Disturbance(
-        friction=usual if friction is None else friction,
-        voltage=perturbation.voltage,
-        mass=perturbation.mass,
-        action_delay=perturbation.delay,
-        weak_servo=perturbation.weak_servo,
-        imu_tilt=RandomAxis(perturbation.imu_tilt) if perturbation.imu_tilt else 0.0,
-        gyro_bias=RandomAxis(perturbation.gyro_bias) if perturbation.gyro_bias else 0.0,
-    )
-    limit = TorqueLimit(perturbation.torque_limit, perturbation.limit_by)
-    return disturbance.draw(world, n, rng, limit)
 
 
 def _push(sim: TrainingSim, speed: float, rng: np.random.Generator, step: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,14 +19,8 @@ from humanoid_getup.experiments.judging.outcome import (
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import judge
 from humanoid_getup.experiments.rollouts import Experiment
-from humanoid_getup.policy.action import ActionSpec, next_target
-from humanoid_getup.policy.observation import (
-    Floats,
-    Sensed,
-    StyleInput,
-    compute_torque_share,
-    observe,
-)
+from humanoid_getup.policy.action import next_target
+from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.policy.style_follower import StyleChoice, StyleFollower
 from humanoid_getup.style.features import COUNT
@@ -117,47 +111,7 @@ class RunningOutcome:
         return round(RECENT / self._period)
 
 
-PolicyFunction = Callable[[Floats], tuple[Array, Array]]
-"""Maps observations (N, size) to actions (N, k) and to the memory (N, m)."""
-
 DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
-
-
-@dataclass(frozen=True, kw_only=True)
-class PolicyDriver:
-    """A policy, and its inputs besides sensors."""
-
-    action: ActionSpec
-    act: PolicyFunction
-    memory: int | None = None
-    """Size of the network's memory; ``None`` for its last action."""
-    style: StyleInput | None = None
-    """Inputs with which the policy follows style curves."""
-    choose_style: StyleChoice | None = None
-    """Chooses the curves that each robot follows."""
-    sees_ground: bool = False
-    """Whether a policy with a height map gets the true one instead of a flat one."""
-
-    @staticmethod
-    def of(
-        policy: OnnxPolicy, choose_style: StyleChoice | None = None, *, sees_ground: bool = False
-    ) -> PolicyDriver:
-        """Take a policy from a file."""
-        return PolicyDriver(
-            action=policy.action,
-            act=policy.act,
-            memory=policy.contract.memory_size,
-            style=policy.contract.style,
-            choose_style=choose_style,
-            sees_ground=sees_ground,
-        )
-
-    def skip(self, count: int) -> PolicyDriver:
-        """Leave out the first starts."""
-        choose = self.choose_style
-        if choose is None:
-            return self
-        return replace(self, choose_style=lambda row, features: choose(count + row, features))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -171,6 +125,8 @@ class PolicyFigures:
     (N, 3): neck height as a share of standing, angles in rad; NaN without style."""
     restarts: NDArray[np.int_]
     """How often each robot restarted after it had deviated from its curves, (N,)."""
+    planned: NDArray[np.bool_] | None = None
+    """Whether these were the curves of a plan, (N,); ``None`` if none was asked for."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -184,111 +140,93 @@ class PolicyRollouts(PolicyFigures):
     features: Array
     """Style features at the end of each policy step, (N, S, 3)."""
 
-    @property
-    def figures(self) -> PolicyFigures:
-        """Return the figures alone, which are smaller by far."""
-        return PolicyFigures(
-            outcome=self.outcome, style_error=self.style_error, restarts=self.restarts
-        )
-
 
 def join_rollouts(parts: Sequence[Any]) -> Any:
     """Join rollouts, or figures of them, along the robots: every array by its first axis."""
     joined = {}
-    for field in fields(parts[0]):
-        values = [getattr(part, field.name) for part in parts]
+    for name in [each.name for each in fields(parts[0])]:
+        values = [getattr(part, name) for part in parts]
         if is_dataclass(values[0]):
-            joined[field.name] = join_rollouts(values)
+            joined[name] = join_rollouts(values)
         elif values[0] is not None:
-            joined[field.name] = np.concatenate(values)
+            joined[name] = np.concatenate(values)
     return replace(parts[0], **joined)
 
 
-class PolicySource:
-    """Sends robots the targets of a policy, one policy step after the other."""
+@dataclass(kw_only=True, eq=False)
+class PolicyRun:
+    """A run of a policy on N robots, which have the domain parameters of a simulation."""
 
-    def __init__(
-        self,
-        sim: TrainingSim,
-        policy: PolicyDriver,
-        *,
-        duration: float,
-        rng: np.random.Generator | None,
-        on_step: Callable[[int], None],
-    ) -> None:
-        """Prepare for a duration [s]; see :func:`roll_out_policy`."""
-        self._sim, self._policy, self._rng, self._on_step = sim, policy, rng, on_step
-        self._steps = round(duration / sim.step_time)
-        style, choose = policy.style, policy.choose_style
-        self.follower = StyleFollower(sim.robot, choose, sim.n) if style and choose else None
-        self._memory = np.zeros((sim.n, policy.memory or policy.action.size))
-        self.targets: list[Array] = []
-        """Targets at the end of each policy step [rad], (N, n)."""
-        self.features: list[Array] = []
-        """Style features at the end of each policy step, (N, 3)."""
+    sim: TrainingSim
+    policy: OnnxPolicy
+    choose_style: StyleChoice | None = None
+    """Chooses the curves that each robot follows, for a policy with style curves."""
+    sees_ground: bool = False
+    """Whether a policy with a height map gets the true one instead of a flat one."""
+    duration: float = DURATION
+    """[s]"""
+    rng: np.random.Generator | None = None
+    """Source of sensor noise; ``None`` for none."""
+    on_step: Callable[[int], None] = lambda _: None
+    """Called before each policy step with its number, to disturb the robots."""
+    targets: list[Array] = field(default_factory=list, init=False)
+    """Targets at the end of each policy step [rad], (N, n)."""
+    features: list[Array] = field(default_factory=list, init=False)
+    """Style features at the end of each policy step, (N, 3)."""
 
-    def __call__(self) -> Array | None:
+    def __post_init__(self) -> None:
+        sim, contract, choose = self.sim, self.policy.contract, self.choose_style
+        self._follower = StyleFollower(sim.robot, choose, sim.n) if choose else None
+        self._memory = np.zeros((sim.n, contract.memory_size or contract.action.size))
+
+    def run(self, starts: Array) -> PolicyRollouts:
+        """Roll out the policy from MuJoCo positions (N, nq)."""
+        sim, follower = self.sim, self._follower
+        scenarios = Scenarios(starts=starts, parameters=sim.parameters)
+        outcome, qpos = RunningOutcome(sim.robot), list[Array]()
+        for record in Experiment(sim.world, sim=sim).play_pieces(scenarios, self._send):
+            outcome.add(record)
+            qpos.append(record.qpos[:, -1].copy())
+        return PolicyRollouts(
+            outcome=outcome.conclude(),
+            qpos=np.stack(qpos, axis=1),
+            target=np.stack(self.targets, axis=1),
+            features=np.stack(self.features, axis=1),
+            style_error=follower.mean_error if follower else np.full((sim.n, COUNT), np.nan),
+            restarts=follower.restarts if follower else np.zeros(sim.n, dtype=int),
+        )
+
+    def _send(self) -> Array | None:
         """Return the targets of the next policy step, (N, cycles, n); None after the last."""
         sensed = self._sense()
-        if len(self.targets) == self._steps:
+        if len(self.targets) == round(self.duration / self.sim.step_time):
             return None
-        self._on_step(len(self.targets))
+        self.on_step(len(self.targets))
         target = self.targets[-1] if self.targets else sensed.joint_pos
         following = self._decide(sensed, target)
         self.targets.append(following)
-        return self._sim.make_targets(target, following, self._policy.action.hold_reach)
+        return self.sim.make_targets(target, following, self.policy.action.hold_reach)
 
     def _sense(self) -> Sensed:
         """Read the sensors; clear the memory of robots that restart on other style curves."""
         if self.targets:
-            self.features.append(self._sim.measure_features())
-        sensed = self._sim.sense(self._rng)
-        if self.follower is not None:
+            self.features.append(self.sim.measure_features())
+        sensed = self.sim.sense(self.rng)
+        if self._follower is not None:
             true_features = self.features[-1] if self.features else None
-            again = self.follower.update(sensed, self._sim.step_time, true_features)
+            again = self._follower.update(sensed, self.sim.step_time, true_features)
             self._memory[again] = 0.0
         return sensed
 
     def _decide(self, sensed: Sensed, target: Array) -> Array:
         """Let the policy act on measurements and the last targets [rad], (N, n)."""
-        sim, policy, robot = self._sim, self._policy, self._sim.robot
-        more = self.follower.observe() if self.follower else []
-        if policy.style and policy.style.height_map:
+        sim, policy, robot = self.sim, self.policy, self.sim.robot
+        more = self._follower.observe() if self._follower else []
+        if policy.contract.style and policy.contract.style.height_map:
             seen = sim.measure_height_map()
-            more.append(seen if policy.sees_ground else np.zeros_like(seen))
+            more.append(seen if self.sees_ground else np.zeros_like(seen))
         share = compute_torque_share(robot, policy.action, sim.parameters.torque_limit)
         observation = observe(robot, sensed, target, self._memory, share, more)
         outputs, self._memory = policy.act(observation)
         action = outputs.astype(float)
         return next_target(robot, policy.action, target, sensed.joint_pos, sensed.gravity, action)
-
-
-def roll_out_policy(
-    sim: TrainingSim,
-    policy: PolicyDriver,
-    starts: Array,
-    *,
-    duration: float = DURATION,
-    rng: np.random.Generator | None = None,
-    on_step: Callable[[int], None] = lambda _: None,
-) -> PolicyRollouts:
-    """Roll out a policy from MuJoCo positions (N, nq) for a duration [s].
-
-    The N robots have the domain parameters of the simulation, and sensor noise from ``rng``.
-    ``on_step`` is called before each policy step with its number, to disturb them.
-    """
-    source = PolicySource(sim, policy, duration=duration, rng=rng, on_step=on_step)
-    scenarios = Scenarios(starts=starts, parameters=sim.parameters)
-    outcome, qpos = RunningOutcome(sim.robot), list[Array]()
-    for record in Experiment(sim.world, sim=sim).play_pieces(scenarios, source):
-        outcome.add(record)
-        qpos.append(record.qpos[:, -1].copy())
-    follower = source.follower
-    return PolicyRollouts(
-        outcome=outcome.conclude(),
-        qpos=np.stack(qpos, axis=1),
-        target=np.stack(source.targets, axis=1),
-        features=np.stack(source.features, axis=1),
-        style_error=follower.mean_error if follower else np.full((sim.n, COUNT), np.nan),
-        restarts=follower.restarts if follower else np.zeros(sim.n, dtype=int),
-    )

@@ -222,11 +222,11 @@ class Disturbance:
         p.action_delay[:] += draw(self.action_delay, rng, n)
         p.mass[:] = draw(self.mass, rng, n, 1) * draw(self.link_mass, rng, n, world.model.nbody)
         p.com_shift[:] = draw(self.com_shift, rng, n, 3)
-        if self.friction is None:
+        if self.friction is not None:
+            p.friction[:] = draw(self.friction, rng, n)
+        elif self.ground_friction != GROUND_FRICTION:
             of_ground = draw(self.ground_friction, rng, n)
             p.friction[:] = of_ground * (world.scene.surface.friction / GROUND_FRICTION)
-        else:
-            p.friction[:] = draw(self.friction, rng, n)
         if self.voltage is None:
             p.voltage[:] = draw(self.supply, rng, n) * robot.supply_voltage
         if self.by_pwm > 0.0:

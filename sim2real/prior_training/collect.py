@@ -24,7 +24,7 @@ from robots.kinematics import place_postures, transfer_positions
 from sim2real.environment.starts import drop_falls
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import build_training_world
-from sim2real.policy_evaluation import PolicyDriver, roll_out_policy
+from sim2real.policy_evaluation import PolicyRun
 from sim2real.pose_prior import PERIOD, POLICY_SOURCE, CollectedRise
 
 PRIOR_SEED = 7_003  # makes these falls differ from those of trainings and evaluations
@@ -147,7 +147,7 @@ def roll_out(
     sim = TrainingSim(world, count, cycles=action.cycles, pwm_limit=action.pwm_limit)
     rng = np.random.default_rng([seed, PRIOR_SEED, *name.encode()])
     falls = drop_falls(Drops(world, count), count, rng)
-    rollouts = roll_out_policy(sim, PolicyDriver.of(policy), falls, duration=LONGEST)
+    rollouts = PolicyRun(sim=sim, policy=policy, duration=LONGEST).run(falls)
     model = robot.spec().compile()
     for row in np.flatnonzero(rollouts.outcome.stood):
         end = round(rollouts.outcome.stand_time[row] / PERIOD) + AFTER

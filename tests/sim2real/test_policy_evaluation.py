@@ -5,30 +5,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-from policy_functions import remember_actions
+from policy_functions import make_policy
 from records import make_record
 
+from humanoid_getup.experiments.disturbances import RandomAxis
 from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.record import Record
-from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_actions
+from humanoid_getup.policy.action import ActionSpec, build_posture_spec
 from humanoid_getup.policy.observation import StyleInput, list_terms
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.style.style import load_any_style
-from robots import Robot, load_robot
+from robots import Robot
 from robots.kinematics import place
 from sim2real import perturbations
 from sim2real.environment.env_options import ObservationNoise
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import MODEL_VARIANTS, build_training_world
-from sim2real.perturbations import Perturbation, PolicyTrial, make_parameters, summarize_rollouts
-from sim2real.policy_evaluation import (
-    PolicyDriver,
-    PolicyFigures,
-    PolicyRollouts,
-    RunningOutcome,
-    roll_out_policy,
-)
+from sim2real.perturbations import Perturbation, PolicyTrial, summarize_rollouts
+from sim2real.policy_evaluation import PolicyFigures, PolicyRollouts, PolicyRun, RunningOutcome
 
 
 def idle(action: ActionSpec) -> Callable[[np.ndarray], np.ndarray]:
@@ -46,8 +41,8 @@ def test_a_robot_that_diverged_never_stood_and_the_others_did(
         if step == 2:
             sim.push(np.array([1]), np.full((1, 3), np.nan))
 
-    driver = PolicyDriver(action=action, act=remember_actions(idle(action)))
-    rises = roll_out_policy(sim, driver, starts, duration=3.5, on_step=hit)
+    policy = make_policy(op3, action, idle(action))
+    rises = PolicyRun(sim=sim, policy=policy, duration=3.5, on_step=hit).run(starts)
     assert rises.outcome.stood.tolist() == [True, False, True]
     assert not rises.outcome.upright[1].any()
     assert rises.outcome.upright[[0, 2]].all()
@@ -59,11 +54,11 @@ def test_a_robot_that_diverged_never_stood_and_the_others_did(
     np.testing.assert_array_equal(rises.features[:, -1], sim.measure_features())
 
 
-def roll_out(world, action, starts, policy, **options) -> PolicyRollouts:
+def roll_out(world, action, starts, act) -> PolicyRollouts:
     noise = ObservationNoise(gravity=0.05, gyro=0.05)
     sim = TrainingSim(world, len(starts), cycles=action.cycles, noise=noise, threads=1)
-    driver = PolicyDriver(action=action, act=remember_actions(policy))
-    return roll_out_policy(sim, driver, starts, duration=0.3, **options)
+    policy = make_policy(world.robot, action, act)
+    return PolicyRun(sim=sim, policy=policy, duration=0.3).run(starts)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -99,8 +94,8 @@ def test_the_torque_limit_is_observed_and_the_last_positions_are_kept(op3, actio
         seen.append(observations[:, -1])
         return np.zeros((len(observations), action.size))
 
-    driver = PolicyDriver(action=action, act=remember_actions(idle))
-    rollouts = roll_out_policy(sim, driver, falls[:2], duration=0.1)
+    policy = make_policy(op3, action, idle)
+    rollouts = PolicyRun(sim=sim, policy=policy, duration=0.1).run(falls[:2])
     np.testing.assert_array_equal(rollouts.qpos[:, -1], sim.qpos)
     share = min(2.05 / op3.max_torque.max(), action.pwm_limit)
     assert np.array(seen) == pytest.approx(np.full((len(seen), 2), share))
@@ -113,36 +108,28 @@ def test_a_robot_that_restarts_on_other_curves_has_no_memory(op3, world, falls):
     at = [term.name for term in list_terms(op3, spec, style)].index("last_action")
     memory = []
 
-    def lie_still(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def lie_still(observations: np.ndarray) -> np.ndarray:
         memory.append(observations[:, ends[at] - 1])
-        return np.zeros((len(observations), spec.size)), np.ones((len(observations), 1))
+        return np.zeros((len(observations), spec.size))
 
     curves = load_any_style(op3)
     sim = TrainingSim(world, 4, cycles=spec.cycles, threads=1)
-    driver = PolicyDriver(
-        action=spec,
-        act=lie_still,
-        style=style,
+    rollouts = PolicyRun(
+        sim=sim,
+        policy=make_policy(op3, spec, lie_still, style),
         choose_style=lambda _, features: curves.choose(features),
-    )
-    rollouts = roll_out_policy(sim, driver, falls[:4], duration=5.0)
+        duration=5.0,
+    ).run(falls[:4])
     assert rollouts.restarts.sum() >= 2
     blank = np.array(memory[1:]) == 0.0  # (steps, 4)
     assert blank.sum(axis=0).tolist() == rollouts.restarts.tolist()
 
 
 SHORT = 3.5  # s: a held stand and a little
-SIZE = choose_actions(load_robot("op3"), wide=True).size
-
-
-@remember_actions
-def do_nothing(observations: np.ndarray) -> np.ndarray:
-    return np.zeros((len(observations), SIZE))
 
 
 def try_idle(op3: Robot, action: ActionSpec, **options: Any) -> PolicyTrial:
-    policy = PolicyDriver(action=action, act=do_nothing)
-    return PolicyTrial(robot=op3, policy=policy, threads=1, **options)
+    return PolicyTrial(policy=make_policy(op3, action, idle(action)), threads=1, **options)
 
 
 @pytest.mark.parametrize("physics", [None, *MODEL_VARIANTS])
@@ -161,8 +148,9 @@ def test_a_perturbation_is_in_the_model(op3: Robot, action: ActionSpec):
     """One servo at 60 %, a random one in every robot."""
     world = build_training_world(op3, FLAT_SCENE, 0.002)
     sim = TrainingSim(world, 8, cycles=action.cycles, threads=1)
-    trial = Perturbation(weak_servo=0.6, mass=1.15, voltage=10.5, friction=0.3, imu_tilt=0.1)
-    parameters = make_parameters(world, 8, trial, np.random.default_rng(0))
+    tilt = RandomAxis(0.1)
+    trial = Perturbation(weak_servo=0.6, mass=1.15, voltage=10.5, friction=0.3, imu_tilt=tilt)
+    parameters = trial.draw(world, 8, np.random.default_rng(0))
     assert (np.sort(parameters.strength, axis=1)[:, :2] == [0.6, 1.0]).all()
     assert len(set(parameters.strength.argmin(axis=1))) > 2
     sim.set_parameters(np.arange(8), parameters)

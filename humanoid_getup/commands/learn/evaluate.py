@@ -25,6 +25,7 @@ from humanoid_getup.commands.policies import name_robot
 from humanoid_getup.commands.values import at_least, between
 from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.engines.versions import checked
+from humanoid_getup.experiments.disturbances import RandomAxis
 from humanoid_getup.experiments.falls import (
     CLASSES,
     FallSet,
@@ -36,11 +37,11 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.scenes.named_scenes import is_random, seed_grounds
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.learned_rise import PLANNED
 from robots import TorqueLimit
 
 if TYPE_CHECKING:  # slow to import
-    from sim2real.evaluation import EvaluatedPolicy, Grounds, RolledOut, RolloutPiece
+    from sim2real.evaluation import EvaluatedPolicy, Grounds, RolloutPiece
+    from sim2real.policy_evaluation import PolicyFigures
 COLUMNS = {
     "to stand [s]": "stand_time_s",
     "RMS [N·m]": "rms_torque_nm",
@@ -227,18 +228,19 @@ def _load_policy(request: EvaluateRequest, limit: TorqueLimit) -> EvaluatedPolic
     from sim2real.evaluation import EvaluatedPolicy
     from sim2real.perturbations import Perturbation
 
+    imu_tilt, gyro_bias = math.radians(request.imu_tilt), math.radians(request.gyro_bias)
     perturbation = Perturbation(
         torque_limit=limit.value,
         limit_by=request.limit_by,
-        delay=request.delay / 1000.0,
+        action_delay=request.delay / 1000.0,
         voltage=request.voltage,
         friction=request.friction,
         mass=request.mass,
-        backlash=math.radians(request.backlash),
+        hinge_backlash=math.radians(request.backlash),
         weak_servo=request.weak_servo,
         push=request.push,
-        imu_tilt=math.radians(request.imu_tilt),
-        gyro_bias=math.radians(request.gyro_bias),
+        imu_tilt=RandomAxis(imu_tilt) if imu_tilt else 0.0,
+        gyro_bias=RandomAxis(gyro_bias) if gyro_bias else 0.0,
         noise=request.noise,
         physics=request.variant,
     )
@@ -358,20 +360,19 @@ class _Rollouts:
         pieces = cut_falls(grounds, file, most=CHUNK, seed=self.request.seed)
         found = self._roll_out(pieces, f"rises ({label})")
         falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
-        figures = summarize_rollouts(
-            falls, join_rollouts([each.figures for each in found]), CLASSES
-        )
+        rises = join_rollouts(found)
+        figures = summarize_rollouts(falls, rises, CLASSES)
         return EvaluatedCase(
             scene=grounds[0][1].scene,
             style=style,
             falls_seed=grounds[0][1].seed,
             grounds=len(grounds),
-            planned=sum(each.planned for each in found) if style == PLANNED else UNSET,
+            planned=UNSET if rises.planned is None else int(rises.planned.sum()),
             classes=figures.classes,
             all=figures.all,
         )
 
-    def _roll_out(self, pieces: Sequence[RolloutPiece], phase: str) -> list[RolledOut]:
+    def _roll_out(self, pieces: Sequence[RolloutPiece], phase: str) -> list[PolicyFigures]:
         """Let the policy get up from all falls."""
         total = sum(len(piece.falls) for piece in pieces)
         count = self.monitor.count(phase, total)
@@ -384,7 +385,7 @@ class _Rollouts:
             reported += done
             count(done)
 
-        def end(name: str, _: RolledOut) -> None:
+        def end(name: str, _: PolicyFigures) -> None:
             nonlocal ended
             ended += len(named[name].falls)
             if ended > reported:  # workers elsewhere report nothing

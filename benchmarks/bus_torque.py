@@ -27,9 +27,10 @@ from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.execution.result import RiseFigures
+from humanoid_getup.execution.rise import RiseFigures
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.falls import Fall, sample_falls
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit, load_robot
@@ -79,7 +80,7 @@ def measure(options: Options, report: Callable[[int], None]) -> dict[str, Any]:
     """Rise from every fall."""
     world = World(load_robot(options.robot))
     limit = TorqueLimit(options.torque_limit, options.limit_by).on(world.robot)
-    strategy = PlannedRise(world, torque_limit=limit)
+    strategy = PlannedRise(world, settings=PlannerSettings(torque_limit=limit))
     counts: dict[str, int] = dict.fromkeys(BENCH_CLASSES, options.n)
     rises = []
     for number, fall in enumerate(sample_falls(world, counts, np.random.default_rng(options.seed))):

@@ -29,6 +29,7 @@ from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.experiments.judging.summary import RiseSummary, summarize
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.strategies.choice import make_strategy
 from humanoid_getup.strategies.plan import Strategy
 
@@ -83,12 +84,8 @@ def make_strategies(options: MethodOptions) -> dict[str, Strategy]:
     """Make the strategies by the names of the ways."""
     world = options.load_world()
     limit, database = options.make_limit(world.robot), load_database(world.robot)
-    return {
-        way: make_strategy(
-            world, way, torque_limit=limit, database=database, threads=options.threads
-        )
-        for way in options.ways
-    }
+    settings = PlannerSettings(torque_limit=limit, threads=options.threads)
+    return {way: make_strategy(world, way, settings, database=database) for way in options.ways}
 
 
 def heat_up(strategy: Strategy, falls: tuple[Fall, ...], seed: int) -> float:

@@ -21,6 +21,7 @@ from humanoid_getup.filtering.candidate import Candidate, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.motion_database import Connection, load_database
 from humanoid_getup.motions.posture_metric import align
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.simulation.world import World
 from robots import Posture
 from robots.kinematics import place
@@ -67,7 +68,7 @@ def compare(world: World, connections: list[Connection], start: Posture, threads
         Candidate(path=straight_path(start, align(c.posture, start), SPEED, period), connection=c)
         for c in connections
     ]
-    dynamics_filter = DynamicsFilter(world, threads=threads)
+    dynamics_filter = DynamicsFilter(world, PlannerSettings(threads=threads))
     dynamics_filter.roll_out(start, candidates)  # compiles what later calls reuse
     began = time.perf_counter()
     rollouts = dynamics_filter.roll_out(start, candidates)

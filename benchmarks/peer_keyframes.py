@@ -43,11 +43,12 @@ from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.motions.motion import StartClass
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.playback.play import APPROACH_SPEED
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
+from humanoid_getup.strategies.plan import Plan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, TorqueLimit, load_robot
 from robots.kinematics import GravitySense, imu_in_torso
@@ -154,7 +155,7 @@ def select_page(gravity_b: Array) -> StartClass:
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeyframePlan(RisePlan):
+class KeyframePlan(Plan):
     """Keyframes to be played open loop, whatever a preflight or a monitor would say."""
 
     stance: Array
@@ -216,7 +217,7 @@ def compare(
     pieces, cases = list_pieces(falls, seed).values(), {}
     for name, limit in limits.items():
         strategies: dict[str, Strategy] = {
-            PLANNED: PlannedRise(world, database, torque_limit=limit),
+            PLANNED: PlannedRise(world, database, PlannerSettings(torque_limit=limit)),
             ROBUST: LearnedRise(world, ROBUST, torque_limit=limit),
             GENTLE: LearnedRise(world, GENTLE, torque_limit=limit),
             PEER: KeyframeRise(peers, world, limit),

@@ -28,10 +28,10 @@ from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.experiments.judging.outcome import APART, count_episodes
 from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import load_robot
 from robots.ground import GROUND
 from robots.kinematics import place_postures
@@ -123,12 +123,12 @@ def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
     world = strategy.world
     plan = strategy.plan(fall.posture, np.random.default_rng(seed))
     record: dict[str, Any] = {"start_class": fall.start_class, "stood": False}
-    if not isinstance(plan, MotionPlan):
+    if plan.motion is None:
         return record
     judged = preflight(world, plan.motion, voltage=VOLTAGE, start=fall.posture)
     record |= asdict(measure_quality(world, plan.motion))
     record["saturation_s"] = float(judged.figures.saturation.max())
-    options = SessionOptions(preflight=strategy.options.filtering)
+    options = SessionOptions(preflight=strategy.settings.filtering)
     rng, twin = np.random.default_rng(seed), Twin(world, fall.posture)
     played = get_up(twin, strategy, seed=rng, max_attempts=1, options=options)
     return record | {"stood": played.stood, "reason": played.reason}
@@ -152,8 +152,8 @@ def main(n: int = 20, seed: int = 0, json: Path | None = None) -> None:
     falls = sample_falls(world, dict.fromkeys(BENCH_CLASSES, n), np.random.default_rng(seed))
     halves = {
         "whole": PlannedRise(world),
-        "no filtering": PlannedRise(world, options=PlannerOptions(filtering=False)),
-        "no planning": PlannedRise(world, options=PlannerOptions(planning=False)),
+        "no filtering": PlannedRise(world, settings=PlannerSettings(filtering=False)),
+        "no planning": PlannedRise(world, settings=PlannerSettings(planning=False)),
     }
     rises: dict[str, list[dict[str, Any]]] = {}
     with counting("rises", len(falls) * len(halves)) as advance:

@@ -29,15 +29,15 @@ from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.execution.result import RiseFigures
+from humanoid_getup.execution.rise import RiseFigures
 from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.experiments.judging.summary import RiseSummary, summarize
 from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.filtering.dynamics_filter import HARD_DISTURBANCE
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.preference import PREFERENCE_NAMES
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit, load_robot
 from robots.kinematics import place
@@ -107,9 +107,11 @@ def measure(options: Measure) -> None:
         "cases": {},
     }
     strategies = {
-        NO_SEARCH: PlannedRise(world, database, torque_limit=limit, search_budget=NO_BUDGET)
+        NO_SEARCH: PlannedRise(
+            world, database, PlannerSettings(torque_limit=limit, search_budget=NO_BUDGET)
+        )
     } | {
-        name: PlannedRise(world, database, torque_limit=limit, prefer=name)
+        name: PlannedRise(world, database, PlannerSettings(torque_limit=limit, prefer=name))
         for name in PREFERENCE_NAMES
     }
     with counting("rises", len(falls) * len(strategies)) as count:
@@ -128,7 +130,7 @@ def _rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> HardRise:
         result = get_up(twin, strategy, seed=np.random.default_rng(seed), max_attempts=1)
     figures = result.figures()
     neck_delta_v, hard_share = None, None
-    if isinstance(result.plan, MotionPlan):
+    if result.plan.motion is not None:
         neck_delta_v, hard_share = _roll_out(strategy, fall, result.plan.motion.joint_target, seed)
     return HardRise(
         **vars(replace(figures, neck_delta_v_m_s=neck_delta_v)),

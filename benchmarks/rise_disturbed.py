@@ -29,12 +29,13 @@ from humanoid_getup.benchmarks.rise import (
 )
 from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.scenes.ground import Slope
 from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import make_strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, quaternion
 
 # Where a load is strapped on, in the torso's frame, as shares of the neck's height there: on OP3
@@ -172,13 +173,11 @@ def make_ways(options: DisturbedOptions) -> DisturbedWays:
     """Make planner and policies."""
     world = options.load_world()
     limit = options.make_limit(world.robot)
-    settings = PlannerOptions(threads=options.threads)
+    settings = PlannerSettings(torque_limit=limit, threads=options.threads)
     database = load_database(world.robot)
     return DisturbedWays(
-        planner=PlannedRise(world, database, torque_limit=limit, options=settings),
-        policies={
-            name: make_strategy(world, name, torque_limit=limit) for name in options.policies
-        },
+        planner=PlannedRise(world, database, settings),
+        policies={name: make_strategy(world, name, settings) for name in options.policies},
     )
 
 

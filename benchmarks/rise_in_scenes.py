@@ -20,6 +20,7 @@ from script import RISE_FIGURES, LimitedOptions, do_pieces, write_results
 from humanoid_getup.benchmarks.rise import MeasuredRise, RefusableSummary, RisePiece, rise_from
 from humanoid_getup.experiments.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.scenes.named_scenes import load_scene, seed_grounds
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
@@ -121,12 +122,8 @@ def make_strategies(options: SceneOptions, scene: str, ground: int) -> dict[str,
     robot = options.load_robot()
     world, database = World(robot, load_scene(scene, robot, ground)), load_database(robot)
     limit = options.make_limit(robot)
-    return {
-        way: make_strategy(
-            world, way, torque_limit=limit, database=database, threads=options.threads
-        )
-        for way in options.ways
-    }
+    settings = PlannerSettings(torque_limit=limit, threads=options.threads)
+    return {way: make_strategy(world, way, settings, database=database) for way in options.ways}
 
 
 if __name__ == "__main__":

@@ -29,17 +29,17 @@ from humanoid_getup.benchmarks.rise import MeasuredRise, rise_once
 from humanoid_getup.benchmarks.whole import sample_by_class
 from humanoid_getup.commands.robot.import_robot import ImportRequest, import_robot
 from humanoid_getup.engines.versions import hash_folder, hash_program
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise import Rise
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.falls import UNCLASSED, Fall, classify, find_rest
 from humanoid_getup.experiments.judging.summary import RiseSummary, wilson_interval
 from humanoid_getup.motions.motion_database import list_motions
+from humanoid_getup.planning.planner_settings import DEFAULTS, PlannerSettings
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import PLAN, make_strategy
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
-from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
+from humanoid_getup.strategies.plan import Plan, RiseStatus, Strategy
 from robots import FULL_TORQUE, Posture, TorqueLimit, load_robot, quaternion
 from robots.model_import.importer import read_model
 from robots.quaternion import Array
@@ -79,7 +79,7 @@ class BodyOptions(WorkOptions):
     """Falls of each class: supine, prone, left, right."""
     starts: int = 100
     """Start states of each body."""
-    search_budget: float = SEARCH_BUDGET
+    search_budget: float = DEFAULTS.search_budget
     """Simulated time in which the search of a plan may vary it [s]."""
     ledger: Path | None = None
     """File that keeps finished rises; an interrupted run continues with it."""
@@ -118,9 +118,9 @@ class NoMotions:
     world: World
     torque_limit: TorqueLimit = FULL_TORQUE
 
-    def plan(self, _start: Posture, _rng: np.random.Generator) -> RisePlan:
+    def plan(self, _start: Posture, _rng: np.random.Generator) -> Plan:
         """Return a plan with nothing to play."""
-        return RisePlan(status=RiseStatus.NOT_PLANNED, detail="the robot has no motions")
+        return Plan(status=RiseStatus.NOT_PLANNED, detail="the robot has no motions")
 
 
 class BenchedBody:
@@ -146,16 +146,12 @@ class BenchedBody:
     @cached_property
     def strategies(self) -> dict[str, Strategy]:
         """Make its strategies."""
-        found: dict[str, Strategy] = {}
+        found, options = dict[str, Strategy](), self._options
+        settings = PlannerSettings(search_budget=options.search_budget, threads=options.threads)
         for way in self.ways:
             found[way] = NoMotions(world=self.world)
             if way != PLAN or self.has_motions:
-                found[way] = make_strategy(
-                    self.world,
-                    way,
-                    search_budget=self._options.search_budget,
-                    threads=self._options.threads,
-                )
+                found[way] = make_strategy(self.world, way, settings)
         return found
 
     def list_pieces(self) -> Iterator[Piece]:
@@ -335,7 +331,7 @@ def rise_on_body(options: BodyOptions, piece: Piece) -> BodyRise:
     return BodyRise(**vars(rise.figures()), bench_class=fall.start_class, **heads)
 
 
-def measure_heads(rise: RiseResult, gauge: HeadGauge) -> dict[str, Any]:
+def measure_heads(rise: Rise, gauge: HeadGauge) -> dict[str, Any]:
     """Measure the head of a robot at the time limit and at the end of its rise.
 
     A run that was aborted is none that ends standing; one that ended in a held stand stands on.

@@ -34,12 +34,12 @@ from humanoid_getup.experiments.drop import FallError
 from humanoid_getup.experiments.falls import CLASSES, sample_falls
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.judging.summary import RiseSummary
+from humanoid_getup.planning.planner_settings import DEFAULTS, PlannerSettings
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
 from robots import Body, Robot, TorqueLimit, load_robot
 from robots.servo import LimitMode
 
@@ -69,7 +69,7 @@ class SweepOptions(WorkOptions):
     """Names or files of scenes."""
     ways: tuple[str, ...] = ("plan",)
     """plan, nearest, straight, and policies by name or file."""
-    search_budget: float = SEARCH_BUDGET
+    search_budget: float = DEFAULTS.search_budget
     """Simulated time in which the search of a plan may vary it [s]."""
     n: int = 5
     """Falls of each class: supine, prone, left, right."""
@@ -224,13 +224,10 @@ def make_design_strategy(options: SweepOptions, design: Design) -> Strategy:
     robot = design.build_robot(options.robot)
     world = World(robot, load_scene(design.scene, robot, options.seed))
     limit = TorqueLimit(design.torque_limit, options.limit_by).on(robot)
-    return make_strategy(
-        world,
-        design.way,
-        torque_limit=limit,
-        search_budget=options.search_budget,
-        threads=options.threads,
+    settings = PlannerSettings(
+        torque_limit=limit, search_budget=options.search_budget, threads=options.threads
     )
+    return make_strategy(world, design.way, settings)
 
 
 def summarize_design(found: Mapping[LyingSide, SideRises]) -> dict[str, Any]:

@@ -37,7 +37,7 @@ from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.execution.after_stand import AfterStand
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise import Rise
 from humanoid_getup.execution.session import Phase, PhaseChange, SessionOptions
 from humanoid_getup.experiments.falls import find_rest, settle_posture
 from humanoid_getup.simulation.world import World
@@ -148,7 +148,7 @@ def run_session(
     on_phase: Callable[[PhaseChange], None] = lambda _: None,
     *,
     rises: bool = True,
-) -> RiseResult | AfterStand:
+) -> Rise | AfterStand:
     """Get the robot up, or take over one that stands, and end its stand."""
     held = [0.0]
 
@@ -293,9 +293,9 @@ def name_end(went_on: bool, driven: int, n: int) -> str:
     return "limp" if not driven else "held" if driven == n else f"limp but for {driven}"
 
 
-def succeeded(result: RiseResult | AfterStand) -> bool:
+def succeeded(result: Rise | AfterStand) -> bool:
     """Return whether a session ended as without an event."""
-    after = result.after if isinstance(result, RiseResult) else result
+    after = result.after if isinstance(result, Rise) else result
     return after is not None and after.succeeded and not result.unreleased
 
 

@@ -67,6 +67,7 @@ from humanoid_getup.execution.get_up import keep_stand as keep_stand
 from humanoid_getup.execution.session import SessionOptions as SessionOptions
 from humanoid_getup.experiments.falls import sample_fall as sample_fall
 from humanoid_getup.motions.motion import Motion as Motion
+from humanoid_getup.planning.planner_settings import PlannerSettings as PlannerSettings
 from humanoid_getup.policy.onnx_policy import OnnxPolicy as OnnxPolicy
 from humanoid_getup.progress.callback import CancelledError as CancelledError
 from humanoid_getup.progress.callback import Progress as Progress

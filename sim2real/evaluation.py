@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from humanoid_getup.experiments.falls import CLASSES, Fall, FallSet, sample_fall_set
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.policy.style_follower import StyleChoice
 from humanoid_getup.progress.callback import Progress
@@ -19,8 +20,7 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import PLANNED, read_curves
-from humanoid_getup.strategies.plan import MotionPlan
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.style.curves import ExtractionError, StyleCurves
 from humanoid_getup.style.style import Style, load_any_style, load_style
 from robots import Robot, load_robot
@@ -158,12 +158,12 @@ class EvaluatedPolicy:
     def _plan_curves(self, piece: RolloutPiece) -> list[StyleCurves | None]:
         """Plan a motion for each fall, and read its curves; ``None`` where no plan stands."""
         world = World(self.robot, piece.ground.load(self.robot))
-        planner = PlannedRise(world, options=PlannerOptions(threads=self.threads))
+        planner = PlannedRise(world, settings=PlannerSettings(threads=self.threads))
         found: list[StyleCurves | None] = []
         for number, fall in enumerate(piece.falls, piece.first):
             plan = planner.plan(fall.posture, np.random.default_rng([self.seed, number]))
             found.append(None)
-            if isinstance(plan, MotionPlan) and plan.motion.rises:
+            if plan.motion is not None and plan.motion.rises:
                 with suppress(ExtractionError):
                     found[-1] = read_curves(world, plan.motion)
             report(Progress(done=PLAN_SHARE))

@@ -14,7 +14,7 @@ from msgspec import UNSET, UnsetType
 from drivers import Command, Twin
 from humanoid_getup.engines.versions import Versions
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.execution.result import RiseFigures, RiseResult
+from humanoid_getup.execution.rise import Rise, RiseFigures
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.summary import RiseSummary
@@ -22,7 +22,7 @@ from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.scenes.ground import Slope
 from humanoid_getup.scenes.scene import Scene, lay_at
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan, Strategy
+from humanoid_getup.strategies.plan import Plan, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, TorqueLimit, quaternion
 from robots.kinematics import lowest_point, place
@@ -60,7 +60,7 @@ class MeasuredRise(RiseFigures):
     """Whether nothing was played."""
 
     @classmethod
-    def refusable(cls, rise: RiseResult, *, case: str, way: str, fall: int) -> MeasuredRise:
+    def refusable(cls, rise: Rise, *, case: str, way: str, fall: int) -> MeasuredRise:
         """Label a rise that the preflight may have refused."""
         refused = rise.run is None
         return cls(**vars(rise.figures()), case=case, way=way, fall=fall, refused=refused)
@@ -139,16 +139,14 @@ def measure_rise(strategy: Strategy, piece: RisePiece) -> MeasuredRise:
     return MeasuredRise(**vars(rise.figures()), bench_class=piece.bench_class)
 
 
-def rise_from(strategy: Strategy, piece: RisePiece) -> RiseResult:
+def rise_from(strategy: Strategy, piece: RisePiece) -> Rise:
     """Rise from one of many falls on a fresh twin."""
     options = SessionOptions(start_class=piece.fall.start_class, preflight=piece.preflight)
     twin = Twin(strategy.world, piece.fall.posture)
     return rise_once(twin, strategy, [piece.seed, 1, piece.number], options)
 
 
-def rise_once(
-    twin: Twin, strategy: Strategy, seed: list[int], options: SessionOptions
-) -> RiseResult:
+def rise_once(twin: Twin, strategy: Strategy, seed: list[int], options: SessionOptions) -> Rise:
     """Try once to rise on a twin."""
     rng = np.random.default_rng(seed)
     return get_up(twin, strategy, seed=rng, max_attempts=1, options=options)
@@ -262,9 +260,9 @@ class SamePlan:
 
     world: World
     torque_limit: TorqueLimit
-    rise: RisePlan
+    rise: Plan
 
-    def plan(self, _start: Posture, _rng: np.random.Generator) -> RisePlan:
+    def plan(self, _start: Posture, _rng: np.random.Generator) -> Plan:
         """Return the plan."""
         return self.rise
 
@@ -322,7 +320,7 @@ class DisturbedWays:
         with Twin(world, turn_head(fall.posture)) as twin:
             start = estimate_posture(world, twin.read())
         rise = self.planner.plan(start, np.random.default_rng(seed))
-        bare = replace(rise, balanced=False) if isinstance(rise, MotionPlan) else rise
+        bare = rise.open_loop() or rise
         return {
             OPEN_LOOP: SamePlan(world=world, torque_limit=limit, rise=bare),
             FEEDBACK: SamePlan(world=world, torque_limit=limit, rise=rise),

@@ -30,11 +30,12 @@ from humanoid_getup.experiments.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import list_motions, load_database
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import NEAREST, PLAN, make_strategy
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.servo import LimitMode
 
@@ -198,16 +199,15 @@ class Whole:
         own = [file.stem for file in list_policies(robot)] if robot.body.is_original else []
 
         def make(name: str, limit: TorqueLimit) -> Strategy:
-            return make_strategy(
-                world, name, torque_limit=limit, database=database, threads=threads
-            )
+            settings = PlannerSettings(torque_limit=limit, threads=threads)
+            return make_strategy(world, name, settings, database=database)
 
         methods = [*((PLAN, NEAREST) if database else ()), *own]
         disturbed = None
         if database:
-            options = PlannerOptions(threads=threads)
+            settings = PlannerSettings(threads=threads)
             disturbed = DisturbedWays(
-                planner=PlannedRise(world, database, options=options),
+                planner=PlannedRise(world, database, settings),
                 policies={name: make(name, FULL_TORQUE) for name in own},
             )
         motions = database.motions if database else ()

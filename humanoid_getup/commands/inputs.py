@@ -5,13 +5,20 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.commands.options import BodyOption, RobotOption, SceneOptions, TorqueOptions
+from humanoid_getup.commands.options import (
+    BodyOption,
+    PlannerOptions,
+    RobotOption,
+    SceneOptions,
+    TorqueOptions,
+)
 from humanoid_getup.experiments.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.keyframes import Keyframes
@@ -19,6 +26,7 @@ from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import KeyPosture, load_key
 from humanoid_getup.planning.collision import check_keys
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.placement import check_standing_place
@@ -67,6 +75,14 @@ def make_torque_limit(options: TorqueOptions, robot: Robot) -> TorqueLimit:
     """Make the torque limit of a command on its robot."""
     with refusing():
         return TorqueLimit(options.torque_limit, options.limit_by).on(robot)
+
+
+def make_settings(options: PlannerOptions, robot: Robot, **others: Any) -> PlannerSettings:
+    """Make the settings of a planner from the options of a command, and others."""
+    limit = make_torque_limit(options, robot)
+    names = {field.name for field in fields(PlannerSettings)} - {"torque_limit"}
+    given = {name: getattr(options, name) for name in names if hasattr(options, name)}
+    return PlannerSettings(torque_limit=limit, **given, **others)
 
 
 def find_start(

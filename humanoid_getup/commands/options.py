@@ -176,23 +176,29 @@ class EngineOptions(CommandRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchBudgetOption(CommandRequest):
-    """Budget of a planned rise's search."""
+class PlannerOptions(TorqueOptions):
+    """Settings of a planner."""
 
     search_budget: Annotated[float, between(0.001, 1e6, "s"), arg(metavar="S")] = 600.0
     """Simulated time for a search [s]. A rise that falls under some disturbance is varied until it
     stands or this is spent; one that stands is improved for up to half of it. Where no stored
     motion leads to a stand on level ground, one is searched for 20 times as long, in coarser
     physics."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PreferenceOptions(SearchBudgetOption):
-    """Preference of a planned rise, and budget of its search."""
-
     prefer: Prefer = "time"
     """What a planned rise should be besides successful: quick, with low torque, with small jolts
     (of the neck, not of the head alone), or with a margin against disturbances."""
+    planning: bool = True
+    """Plan a collision-free path to the rising motion; otherwise interpolate."""
+    filtering: bool = True
+    """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
+
+    def name_objective(self) -> str:
+        """Name the options of the secondary objective that differ from their defaults."""
+        given = {
+            f"--prefer {self.prefer}": self.prefer != PlannerOptions.prefer,
+            "--search-budget": self.search_budget != PlannerOptions.search_budget,
+        }
+        return " and ".join(name for name, is_given in given.items() if is_given)
 
 
 JsonTarget = Annotated[

@@ -10,7 +10,7 @@ from drivers import DriverError, Ending, FaultKind, State
 from drivers.control_loop import Pacer
 from drivers.errors import UnreleasedError
 from humanoid_getup.execution.recovery import RESTED, Recovery, StoppedError, UnrecoveredError
-from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
+from humanoid_getup.execution.rise import Attempt, AttemptStatus, PlayedMove, Rise
 from humanoid_getup.execution.session import Phase, PhaseChange, Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.experiments.falls import UNCLASSED, classify
@@ -21,7 +21,7 @@ from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.play import play_engaged
 from humanoid_getup.playback.preflight import FAR_TILT, Verdict
 from humanoid_getup.playback.supervisor import Supervisor
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
+from humanoid_getup.strategies.plan import Plan, RiseStatus, Strategy
 from robots import Posture
 
 MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
@@ -65,7 +65,7 @@ class AttemptManager:
             report=lambda text: self._report(Phase.RECOVERING, text),
         )
 
-    def get_up(self, rng: np.random.Generator) -> RiseResult:
+    def get_up(self, rng: np.random.Generator) -> Rise:
         """Try until the robot stands, is stopped, or needs help; ``rng`` is for the plans.
 
         Raises:
@@ -82,7 +82,7 @@ class AttemptManager:
                 status, reason, by_fault = AttemptStatus.NEEDS_HELP, str(error), True
             self._report(Phase.ENDED, reason)
             measured = next((a.start_class for a in attempts if a.start_class), UNCLASSED)
-            return RiseResult(
+            return Rise(
                 robot=self._guard.robot,
                 start_class=self._session.start_class or measured,
                 status=status,
@@ -117,7 +117,7 @@ class AttemptManager:
     def _attempt(self, rng: np.random.Generator) -> Attempt:
         """Plan and play, if necessary after moves to a place with room to rise."""
         moves: tuple[PlayedMove, ...] = ()
-        refused: tuple[RisePlan, ...] = ()
+        refused: tuple[Plan, ...] = ()
         side: str | None = None
         while True:
             attempt, controller = self._prepare(rng)
@@ -142,7 +142,7 @@ class AttemptManager:
 
     def _prepare(self, rng: np.random.Generator) -> tuple[Attempt, Supervisor | None]:
         """Settle and plan; return the controller, ``None`` if nothing may be played."""
-        refused: list[RisePlan] = []
+        refused: list[Plan] = []
         try:
             attempt, controller = self._plan_until_passed(rng, refused)
         except StartError as error:
@@ -150,7 +150,7 @@ class AttemptManager:
         return replace(attempt, refused=tuple(refused)), controller
 
     def _plan_until_passed(
-        self, rng: np.random.Generator, refused: list[RisePlan]
+        self, rng: np.random.Generator, refused: list[Plan]
     ) -> tuple[Attempt, Supervisor | None]:
         """Settle, plan and run the preflight; refused plans are appended to ``refused``."""
         state = self._settle()
@@ -183,7 +183,7 @@ class AttemptManager:
             text += f", plan {refused + 1}: the preflight refused the one before"
         return text
 
-    def _judge(self, plan: RisePlan, state: State) -> tuple[Attempt, Supervisor | None]:
+    def _judge(self, plan: Plan, state: State) -> tuple[Attempt, Supervisor | None]:
         """Run the preflight of a plan, and that of the way down after its stand."""
         session = self._session
         if not (session.balance and session.has_imu):
@@ -202,7 +202,7 @@ class AttemptManager:
             return replace(attempt, refusal=f"the way down after the stand: {down}"), None
         return attempt, plan.controller(self._strategy)
 
-    def _preflight(self, plan: RisePlan, state: State) -> tuple[RisePlan, Verdict]:
+    def _preflight(self, plan: Plan, state: State) -> tuple[Plan, Verdict]:
         """Judge a plan, and again without feedback if it falls; return the one to play."""
         strategy = self._strategy
         verdict = plan.preflight(strategy, state, self._locate)

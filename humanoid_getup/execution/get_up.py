@@ -9,7 +9,7 @@ import numpy as np
 from drivers import Backend
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise import Rise
 from humanoid_getup.execution.session import Session, SessionOptions, Then
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.simulation.world import World
@@ -26,7 +26,7 @@ def get_up(
     max_attempts: int = 3,
     then: Then | None = None,
     options: SessionOptions | None = None,
-) -> RiseResult:
+) -> Rise:
     """Get a robot up from where it lies, on any backend.
 
     Every command passes a safety guard, and the torque limit is the strategy's. A twin is judged

@@ -15,7 +15,7 @@ from humanoid_getup.playback.play import AnyJudge
 from humanoid_getup.scenes.scene import Support
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan
+from humanoid_getup.strategies.plan import Plan
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.torque_limit import check_torque_limit
 
@@ -82,7 +82,7 @@ class SessionOptions:
     """Ground under a simulated robot; None for that of the world of the plan."""
     locate: Callable[[], Placement] | None = None
     """Tells where in its scene the robot lies; a rise needs it unless the scene is flat."""
-    moved: Callable[[RisePlan], None] = lambda _: None
+    moved: Callable[[Plan], None] = lambda _: None
     """Called after a move to a place with room, for a `locate` that does not measure."""
     place: Callable[[], None] | None = None
     """Places a simulated robot in its stand, once it is connected; None for a real one."""
@@ -195,7 +195,7 @@ class DeadReckoning:
         """Return where the robot lies."""
         return self._placement
 
-    def move(self, plan: RisePlan) -> None:
+    def move(self, plan: Plan) -> None:
         """Advance to the planned end of a move."""
-        if isinstance(plan, MotionPlan):
+        if plan.motion is not None:
             self._placement = Placement.of(plan.motion.posture(-1))

@@ -17,13 +17,13 @@ from humanoid_getup.filtering.search import TargetSearch, coarsen
 from humanoid_getup.filtering.separation import MARGINS, Separation
 from humanoid_getup.filtering.tracking import FIRST_HOLD, Tracker
 from humanoid_getup.motions.motion import hold_last
-from humanoid_getup.motions.preference import Preference, PreferenceName
+from humanoid_getup.motions.preference import Preference
+from humanoid_getup.planning.planner_settings import DEFAULTS, PlannerSettings
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
-from robots import FULL_TORQUE, Posture, TorqueLimit
+from robots import Posture
 from robots.kinematics import place
 from robots.quaternion import Array
-from robots.torque_limit import check_torque_limit
 
 LONG_HOLD = FIRST_HOLD + LATEST_STAND  # s, so that every stand that a check takes shows
 CHECKS = 16  # disturbed rollouts of a motion before it is returned
@@ -62,18 +62,15 @@ class DynamicsFilter:
     def __init__(
         self,
         world: World,
+        settings: PlannerSettings = DEFAULTS,
         *,
-        torque_limit: TorqueLimit = FULL_TORQUE,
-        prefer: PreferenceName = "time",
-        assistance: float = 1.0,
-        threads: int = 0,
         monitor: ProgressMonitor | None = None,
     ) -> None:
-        """Prepare for a world; ``assistance`` is a factor on the virtual actuator's torques."""
+        """Prepare for a world."""
         self._monitor = monitor or ProgressMonitor()
-        self.assistance = assistance
-        self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
-        self.preference = Preference.of(prefer)
+        self.assistance = settings.assistance
+        self.world, self.torque_limit = world, settings.torque_limit.on(world.robot)
+        self.preference = Preference.of(settings.prefer)
         self.count = 0
         """Rollouts for this plan."""
         self.searched = 0.0
@@ -81,12 +78,15 @@ class DynamicsFilter:
         self._root = world.robot.layout(world.model).root_qpos
         self._fit = GroundFit(world)
         self._search = TargetSearch(
-            coarsen(world), preference=self.preference, threads=threads, monitor=self._monitor
+            coarsen(world),
+            preference=self.preference,
+            threads=settings.threads,
+            monitor=self._monitor,
         )
         self._coarse = self._fine = self._search.experiment
         self._is_coarse = self._coarse.world is not world
         if self._is_coarse:
-            self._fine = Experiment(world, threads=threads)
+            self._fine = Experiment(world, threads=settings.threads)
         self.enough = ENOUGH_OF_BIG if self._is_coarse else ENOUGH
         """Share of the disturbed rollouts that must stand to stop searching."""
         self.hopeless = HOPELESS * world.robot.standing_neck_height if self._is_coarse else 0.0

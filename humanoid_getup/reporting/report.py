@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from msgspec import UNSET, UnsetType
 from rich.console import Console
@@ -10,9 +10,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from humanoid_getup.execution.after_stand import AfterFigures
-from humanoid_getup.execution.result import RiseFigures, RiseResult
+from humanoid_getup.execution.rise import RiseFigures
 from humanoid_getup.execution.session import Then
-from humanoid_getup.motions.motion import Motion
 from robots.servo import LimitMode
 
 TRADED = (
@@ -43,18 +42,12 @@ class ReportHead:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RiseSettings:
-    """Settings of a rise, by report.json's keys; unset where there is no such setting."""
+class RiseReport(RiseFigures, ReportHead):
+    """The content of report.json after a rise; settings are unset where there are none."""
 
     method: str | UnsetType = UNSET
     planning: bool | UnsetType = UNSET
     filtering: bool | UnsetType = UNSET
-
-
-@dataclass(frozen=True, kw_only=True)
-class RiseReport(RiseFigures, RiseSettings, ReportHead):
-    """The content of report.json after a rise."""
-
     motion: str | UnsetType = UNSET
     """Name of the motion to play; unset if none was chosen."""
     strip_reason: str | UnsetType | None = UNSET
@@ -66,15 +59,6 @@ class StandReport(AfterFigures, ReportHead):
     """The content of report.json after a stand."""
 
     strip_reason: str | UnsetType | None = UNSET
-
-
-def make_report(
-    rise: RiseResult, head: ReportHead, settings: RiseSettings, motion: Motion | None = None
-) -> RiseReport:
-    """Collect the figures of a rise, by a chosen motion or else by a strategy, and its settings."""
-    report = RiseReport(**vars(rise.figures()), **vars(settings), **vars(head))
-    report = replace(report, period_s=report.period_s or rise.robot.control_period)
-    return replace(report, motion=motion.name, strategy=motion.strategy) if motion else report
 
 
 def print_summary(report: RiseReport, files: list[str], console: Console) -> None:

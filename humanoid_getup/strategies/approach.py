@@ -20,10 +20,11 @@ from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.path_planner import PathOptions, place_stops, plan_path, plan_via
 from humanoid_getup.planning.placement import GoalPlacement
+from humanoid_getup.planning.planner_settings import DEFAULTS, PlannerSettings
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
-from robots import Posture, TorqueLimit
+from robots import Posture
 from robots.quaternion import Array
 
 if TYPE_CHECKING:  # a rise that joins a stored motion does not wait for their imports
@@ -115,14 +116,13 @@ class MotionFinder:
     def __init__(
         self,
         world: World,
-        torque_limit: TorqueLimit,
+        settings: PlannerSettings = DEFAULTS,
         known: Sequence[Motion] = (),
         *,
-        threads: int = 0,
         monitor: ProgressMonitor | None = None,
     ) -> None:
-        self._world, self._limit, self._known = world, torque_limit, known
-        self._threads, self._monitor = threads, monitor
+        self._world, self._settings, self._known = world, settings, known
+        self._monitor = monitor
         self._begun: list[CrawlSearch | StartMotions] = []
 
     def begin(self) -> None:
@@ -151,9 +151,9 @@ class MotionFinder:
 
         search = CrawlSearch(
             self._world,
-            self._limit,
+            self._settings.torque_limit,
             CHECK_DISTURBANCE,
-            threads=self._threads,
+            threads=self._settings.threads,
             monitor=self._monitor,
         )
         self._begun.append(search)
@@ -164,7 +164,11 @@ class MotionFinder:
         from humanoid_getup.posture_chains.motion_maker import StartMotions
 
         search = StartMotions(
-            self._world, self._limit, self._known, threads=self._threads, monitor=self._monitor
+            self._world,
+            self._settings.torque_limit,
+            self._known,
+            threads=self._settings.threads,
+            monitor=self._monitor,
         )
         self._begun.append(search)
         return search

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,14 +14,14 @@ from msgspec import Meta
 from humanoid_getup.experiments.falls import CLASSES, classify
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.motions.motion_database import KeyPosture, MotionDatabase
-from humanoid_getup.motions.preference import PreferenceName
+from humanoid_getup.planning.planner_settings import DEFAULTS, PlannerSettings
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import PLANNED, LearnedRise, StyledRise
-from humanoid_getup.strategies.plan import RisePlan, Strategy
-from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET, PlannedRise, PlannerOptions
+from humanoid_getup.strategies.plan import Plan, Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.stored_motion import NearestMotion
-from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
+from robots import Posture, Robot, TorqueLimit
 from robots.servo import LimitMode
 from robots.storage.validation import load_toml, positive, read_table, whole
 
@@ -175,7 +175,7 @@ class StrategySelector:
 
         return max(self._strategies, key=success)
 
-    def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
+    def plan(self, start: Posture, rng: np.random.Generator) -> Plan:
         """Plan a rise by the selected strategy."""
         return self._strategies[self.select(classify(start.orientation))].plan(start, rng)
 
@@ -183,12 +183,9 @@ class StrategySelector:
 def choose_strategy(
     world: World,
     method: Literal["plan", "policy", "auto"] = "plan",
+    settings: PlannerSettings = DEFAULTS,
     *,
-    torque_limit: TorqueLimit = FULL_TORQUE,
-    prefer: PreferenceName = "time",
-    search_budget: float = SEARCH_BUDGET,
     keys: Sequence[KeyPosture] = (),
-    options: PlannerOptions | None = None,
     policy: str | None = None,
     style: str | None = None,
     origin: str | None = None,
@@ -202,25 +199,17 @@ def choose_strategy(
     """
     name = policy or (STYLED_POLICY if style else DEFAULT_POLICY)
     if method == POLICY:
-        learned = LearnedRise(world, name, torque_limit=torque_limit, name=name)
+        learned = LearnedRise(world, name, torque_limit=settings.torque_limit, name=name)
         return apply_style(learned, style, monitor)
     robot = world.robot
     records = load_track_record(robot) if method == "auto" else None
-    planner = PlannedRise(
-        world,
-        torque_limit=torque_limit,
-        prefer=prefer,
-        search_budget=search_budget,
-        keys=keys,
-        options=options,
-        monitor=monitor,
-    )
+    planner = PlannedRise(world, settings=settings, keys=keys, monitor=monitor)
     if monitor and robot.imu_kind and (gap := planner.describe_gap(origin)):
         monitor.tell(gap)  # without an IMU, no rise begins
     known = StrategyId(POLICY, name)
     if records is None or not (records.knows(known) and robot.body.is_original):
         return planner
-    learned = LearnedRise(world, name, torque_limit=torque_limit, name=name)
+    learned = LearnedRise(world, name, torque_limit=settings.torque_limit, name=name)
     both = {StrategyId(PLAN): planner, known: apply_style(learned, style, monitor)}
     return StrategySelector(both, records)
 
@@ -228,27 +217,18 @@ def choose_strategy(
 def make_strategy(
     world: World,
     name: str,
+    settings: PlannerSettings = DEFAULTS,
     *,
-    torque_limit: TorqueLimit = FULL_TORQUE,
     database: MotionDatabase | None = None,
-    search_budget: float = SEARCH_BUDGET,
-    threads: int = 0,
 ) -> Strategy:
     """Make a strategy by its name: `PLAN`, `STRAIGHT`, `NEAREST`, or a policy or its file."""
     if name == PLAN:
-        return PlannedRise(
-            world,
-            database,
-            torque_limit=torque_limit,
-            search_budget=search_budget,
-            options=PlannerOptions(threads=threads),
-        )
+        return PlannedRise(world, database, settings)
     if name == STRAIGHT:
-        plain = PlannerOptions(planning=False, filtering=False, threads=threads)
-        return PlannedRise(world, database, torque_limit=torque_limit, options=plain)
+        return PlannedRise(world, database, replace(settings, planning=False, filtering=False))
     if name == NEAREST:
-        return NearestMotion(world, database, torque_limit=torque_limit)
-    return LearnedRise(world, name, torque_limit=torque_limit, name=name)
+        return NearestMotion(world, database, torque_limit=settings.torque_limit)
+    return LearnedRise(world, name, torque_limit=settings.torque_limit, name=name)
 
 
 def apply_style(
@@ -259,7 +239,8 @@ def apply_style(
         return learned
     limit = learned.torque_limit
     if style == PLANNED:
-        planner = PlannedRise(learned.world, torque_limit=limit, monitor=monitor)
+        settings = PlannerSettings(torque_limit=limit)
+        planner = PlannedRise(learned.world, settings=settings, monitor=monitor)
         return StyledRise(learned, planner)
     return LearnedRise(
         learned.world, learned.policy, torque_limit=limit, name=learned.name, style=style

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from drivers import State
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.preflight import Verdict, preflight_robot
-from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.ground import FLAT, Ground
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, PlanFigures, RisePlan, RiseStatus, Strategy
-from humanoid_getup.style.curve_tracker import FollowedStyle
+from humanoid_getup.strategies.plan import Plan, RiseStatus, Strategy
 from humanoid_getup.style.curves import (
     ExtractionError,
     StyleCurves,
@@ -30,56 +25,6 @@ from robots.arguments import expect
 from robots.kinematics import place_postures
 from robots.quaternion import Array
 from robots.torque_limit import check_torque_limit
-
-
-@dataclass(frozen=True, kw_only=True)
-class RanPolicy:
-    """What is left of a policy in another process: no network, so that it cannot be run."""
-
-    style: Style | None
-    followed: FollowedStyle | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class PolicyPlan(RisePlan):
-    """A policy to be run; its torque limit was set when it was loaded.
-
-    In another process, a plan that was pickled has its figures, and nothing to run.
-    """
-
-    policy: OnnxPolicy
-    name: str
-    """Name of the policy."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        ran = RanPolicy(style=self.policy.style, followed=self.policy.followed)
-        return vars(self) | {"policy": ran}
-
-    @property
-    def title(self) -> str:
-        """Name the policy, and its style."""
-        style = self.policy.style
-        return f"policy {self.name}, style {style.name}" if style else f"policy {self.name}"
-
-    def controller(self, _strategy: Strategy) -> Supervisor:
-        """Make the supervised policy."""
-        return supervise_policy(self.policy)
-
-    def preflight(
-        self, strategy: Strategy, settled: State, _measure: Callable[[], Posture]
-    ) -> Verdict:
-        """Judge supply and temperatures; the motion of a policy is unknown beforehand."""
-        return preflight_robot(strategy.world.robot, settled.voltage, settled.temperature)
-
-    def figures(self) -> PlanFigures:
-        """Return the figures of the plan."""
-        style, followed = self.policy.style, self.policy.followed
-        return replace(
-            super().figures(),
-            policy=self.name,
-            style=style and style.name,
-            **(vars(followed.figures()) if followed else {}),
-        )
 
 
 class LearnedRise:
@@ -122,11 +67,11 @@ class LearnedRise:
         self.name = name or "policy"
         """For reports."""
 
-    def plan(self, _start: Posture, _rng: np.random.Generator) -> PolicyPlan:
+    def plan(self, _start: Posture, _rng: np.random.Generator) -> Plan:
         """Plan to run the policy; with a style, a copy that records how it followed it."""
         style = self.policy.style
         policy = self.policy.following(style) if style else self.policy
-        return PolicyPlan(status=RiseStatus.LEARNED, policy=policy, name=self.name)
+        return Plan(status=RiseStatus.LEARNED, policy=policy, policy_name=self.name)
 
 
 PLANNED = "planned"
@@ -145,30 +90,27 @@ class StyledRise:
         self.world, self.torque_limit = learned.world, learned.torque_limit
         self._learned, self._planner = learned, planner
 
-    def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
+    def plan(self, start: Posture, rng: np.random.Generator) -> Plan:
         """Plan a motion; return the policy with its curves, or the plan if it has no motion.
 
         A motion that ends lower than a stand has no curves: then there is nothing to play.
         """
         planned = self._planner.plan(start, rng)
-        if not isinstance(planned, MotionPlan) or not planned.motion.rises:
+        if planned.motion is None or not planned.motion.rises:
             return planned
         try:
             curves = read_curves(self.world, planned.motion)
         except ExtractionError as error:
-            return RisePlan(status=RiseStatus.FELL, detail=str(error), planned=planned.planned)
+            return Plan(status=RiseStatus.FELL, detail=str(error), planned=planned.planned)
         policy = self._learned.policy.following(Style(name=PLANNED, curves=(curves,)))
-        plan = self._learned.plan(start, rng)
         return replace(
-            plan,
+            planned,
+            status=RiseStatus.LEARNED,
+            motion=None,
             policy=policy,
-            connection=planned.connection,
-            planned=planned.planned,
-            plan_s=planned.plan_s,
-            filter_s=planned.filter_s,
-            rollouts=planned.rollouts,
-            rounds=planned.rounds,
-            search=planned.search,
+            policy_name=self._learned.name,
+            robust=math.nan,
+            keys=(),
         )
 
 

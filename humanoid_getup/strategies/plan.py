@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
-from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -17,11 +16,13 @@ from drivers import State
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
-from humanoid_getup.motions.preference import PreferenceName
-from humanoid_getup.playback.preflight import Verdict, preflight
-from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
+from humanoid_getup.planning.planner_settings import PlannerSettings
+from humanoid_getup.playback.preflight import Verdict, preflight, preflight_robot
+from humanoid_getup.playback.supervisor import Supervisor, supervise_motion, supervise_policy
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
-from humanoid_getup.style.curve_tracker import StyleFigures
+from humanoid_getup.style.curve_tracker import FollowedStyle
+from humanoid_getup.style.style import Style
 from robots import Posture, TorqueLimit
 
 
@@ -50,58 +51,6 @@ class KeyRecord:
     figures: KeyFigures
 
 
-class RolloutFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """A planned rise in its own rollout."""
-
-    stand_time_s: float
-    peak_torque_nm: float
-    peak_braking_torque_nm: float
-    rms_torque_nm: float
-    neck_delta_v_m_s: float | None
-    self_overlap_m: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlanFigures(StyleFigures):
-    """The figures of a plan; None for those that it does not have."""
-
-    planned: bool
-    plan_s: float
-    filter_s: float
-    rollouts: int
-    rounds: int
-    robust: float | None
-    connection: str | None
-    strategy: str | None
-    policy: str | None = None
-    style: str | None = None
-    balanced: bool | None = None
-    keys: list[KeyFigures]
-    prefer: PreferenceName | None
-    search_budget_s: float | None
-    searched_s: float | None
-    rollout: RolloutFigures | None
-    rollout_before_improvement: RolloutFigures | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchRecord:
-    """Record of the search for a rise."""
-
-    prefer: PreferenceName
-    budget: float
-    """Simulated time that was permitted [s]."""
-    simulated: float = 0.0
-    """Simulated time of searches and improvement [s]."""
-    outcome: Outcome | None = None
-    """Outcome of the rise to play, in its own rollout; None if none stood."""
-    before: Outcome | None = None
-    """Outcome of the rise before its improvement; None if it was not improved."""
-
-
-MOTION = "motion.npz"
-
-
 class RiseStatus(Enum):
     """Result of planning a rise."""
 
@@ -115,17 +64,34 @@ class RiseStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RisePlan:
-    """The result of planning a rise; this base class has nothing to play."""
+class RanPolicy:
+    """What is left of a policy in another process: no network, so that it cannot be run."""
+
+    style: Style | None
+    followed: FollowedStyle | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A motion or a policy that gets a robot up, and how it was found; or why there is none.
+
+    In another process, a plan that was pickled has the figures of its policy, and no policy to run.
+    """
 
     status: RiseStatus
     detail: str = ""
     """Details of the status; may be empty."""
+    motion: Motion | None = None
+    """Motion to play, from the lying posture; None for a policy, or if there is none."""
+    tracked: bool = True
+    """Whether the joint angles of the motion come from a rollout; if not, they are only targets,
+    and no monitor expects the robot to reach them."""
+    policy: OnnxPolicy | None = None
+    """Policy to run; its torque limit was set when it was loaded."""
+    policy_name: str = ""
     connection: Connection | None = None
     planned: bool = False
     """Whether a path to a connecting posture was found."""
-    stand_time: float = math.nan
-    """Start to held stand in the rollout [s]; nan without one."""
     robust: float = math.nan
     """Share of the disturbed rollouts that stood; nan without any."""
     rollouts: int = 0
@@ -134,12 +100,22 @@ class RisePlan:
     """Wall time of the first round's selection, planning and smoothing [s]."""
     filter_s: float = 0.0
     """Wall time of everything after that [s]."""
-    search: SearchRecord | None = None
-    """Record of the search; ``None`` without a search."""
+    settings: PlannerSettings | None = None
+    """Settings of the search; None without a search, as for the fields below."""
+    searched: float = 0.0
+    """Simulated time of searches and improvement [s]."""
+    rollout: Outcome | None = None
+    """Outcome of the motion in its own rollout; None if none stood."""
+    before: Outcome | None = None
+    """Outcome of the rise before its improvement; None if it was not improved."""
     keys: tuple[KeyRecord, ...] = ()
     """Results of the requested key postures."""
     balanced: bool = True
     """Whether the torso's attitude may be fed back to the ankles, in the rise and in its stand."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        policy = self.policy and RanPolicy(style=self.policy.style, followed=self.policy.followed)
+        return vars(self) | {"policy": policy}
 
     def __str__(self) -> str:
         """Describe in one line the motion to play, and how the planning ended."""
@@ -155,92 +131,49 @@ class RisePlan:
 
     @property
     def title(self) -> str:
-        """Return the name of the motion or policy to play; empty if there is none."""
-        return ""
+        """Return the name of the motion, or of the policy and its style; empty without any."""
+        if self.policy is None:
+            return self.motion.name if self.motion else ""
+        style = self.policy.style
+        return f"policy {self.policy_name}" + (f", style {style.name}" if style else "")
 
     @property
     def label(self) -> str:
         """Return the kind of rise, for pictures."""
-        return self.title
+        return self.motion.strategy if self.motion else self.title
 
-    def controller(self, _strategy: Strategy) -> Supervisor | None:
+    @property
+    def is_balanced(self) -> bool:
+        """Return whether a motion is played with feedback to the ankles."""
+        return bool(self.motion and self.motion.rises) and self.balanced and self.tracked
+
+    def controller(self, strategy: Strategy) -> Supervisor | None:
         """Make the supervised controller of this plan; ``None`` if there is nothing to play."""
-        return None
-
-    def preflight(
-        self, _strategy: Strategy, _settled: State, _measure: Callable[[], Posture]
-    ) -> Verdict:
-        """Judge the plan with torque off.
-
-        Supply and temperatures are those of the last measurement of the settled robot, as a bus
-        polls them in turns and a first measurement may lack some. The posture is measured again,
-        because planning takes time.
-        """
-        return Verdict()
-
-    def open_loop(self) -> RisePlan | None:
-        """Return the plan without feedback while it is played; ``None`` if it has none."""
-        return None
-
-    def save(self, _folder: Path) -> None:
-        """Save the plan's motion, if it has one, in a folder."""
-
-    def figures(self) -> PlanFigures:
-        """Return the figures of the plan."""
-        joined = self.connection.motion if self.connection else None
-        search = self.search
-        before, after = (search.before, search.outcome) if search else (None, None)
-        return PlanFigures(
-            planned=self.planned,
-            plan_s=self.plan_s,
-            filter_s=self.filter_s,
-            rollouts=self.rollouts,
-            rounds=self.rounds,
-            robust=None if math.isnan(self.robust) else self.robust,
-            connection=joined and joined.name,
-            strategy=joined and joined.strategy,
-            keys=[key.figures for key in self.keys],
-            prefer=search and search.prefer,
-            search_budget_s=search and search.budget,
-            searched_s=search and search.simulated,
-            rollout=after and after.figures(RolloutFigures),
-            rollout_before_improvement=before and before.figures(RolloutFigures),
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class MotionPlan(RisePlan):
-    """A motion from the lying posture to the stand."""
-
-    motion: Motion
-    simulated: bool = True
-    """Whether the joint angles come from a rollout; if not, they are only targets, and no
-    monitor expects the robot to reach them."""
-
-    @property
-    def title(self) -> str:
-        """Return the name of the motion."""
-        return self.motion.name
-
-    @property
-    def label(self) -> str:
-        """Return the motion's kind of rise."""
-        return self.motion.strategy
-
-    def controller(self, strategy: Strategy) -> Supervisor:
-        """Make the supervised player of the motion."""
+        if self.policy is not None:
+            return supervise_policy(self.policy)
+        if self.motion is None:
+            return None
         return supervise_motion(
             strategy.world,
             self.motion,
             torque_limit=strategy.torque_limit.value,
-            tracked=self.simulated,
-            balanced=self._is_balanced,
+            tracked=self.tracked,
+            balanced=self.is_balanced,
         )
 
     def preflight(
         self, strategy: Strategy, settled: State, measure: Callable[[], Posture]
     ) -> Verdict:
-        """Roll the motion out from the present posture, and judge it."""
+        """Judge the plan with torque off: roll a motion out from the present posture.
+
+        Supply and temperatures are those of the last measurement of the settled robot, as a bus
+        polls them in turns and a first measurement may lack some. The posture is measured again,
+        because planning takes time. What a policy will do is unknown beforehand.
+        """
+        if self.policy is not None:
+            return preflight_robot(strategy.world.robot, settled.voltage, settled.temperature)
+        if self.motion is None:
+            return Verdict()
         return preflight(
             strategy.world,
             self.motion,
@@ -248,25 +181,12 @@ class MotionPlan(RisePlan):
             torque_limit=strategy.torque_limit,
             temperature=settled.temperature,
             start=measure(),
-            balanced=self._is_balanced,
+            balanced=self.is_balanced,
         )
 
-    @property
-    def _is_balanced(self) -> bool:
-        """Return whether the rise is played with feedback."""
-        return self.balanced and self.simulated and self.motion.rises
-
-    def open_loop(self) -> RisePlan | None:
-        """Return the plan without the feedback to the ankles; ``None`` if it has none."""
-        return replace(self, balanced=False) if self._is_balanced else None
-
-    def figures(self) -> PlanFigures:
-        """Return the figures of the plan."""
-        return replace(super().figures(), balanced=self._is_balanced)
-
-    def save(self, folder: Path) -> None:
-        """Save the motion."""
-        self.motion.save(folder / MOTION)
+    def open_loop(self) -> Plan | None:
+        """Return the plan without feedback while it is played; ``None`` if it has none."""
+        return replace(self, balanced=False) if self.is_balanced else None
 
 
 @runtime_checkable
@@ -283,6 +203,6 @@ class Strategy(Protocol):
         """Return the torque limit that its plans keep to."""
         ...
 
-    def plan(self, start: Posture, rng: np.random.Generator, /) -> RisePlan:
+    def plan(self, start: Posture, rng: np.random.Generator, /) -> Plan:
         """Plan a rise from a posture at rest."""
         ...

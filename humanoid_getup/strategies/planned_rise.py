@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,44 +23,20 @@ from humanoid_getup.motions.motion_database import (
     name_keys,
     suggest_motions,
 )
-from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.planning.collision import check_keys
+from humanoid_getup.planning.planner_settings import DEFAULTS, PlannerSettings
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import Approach, MotionFinder
 from humanoid_getup.strategies.free_rise import FreeRise
 from humanoid_getup.strategies.keyed_rise import KeyedRise
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus, SearchRecord
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.rise_search import FoundRise, SearchTools
-from robots import FULL_TORQUE, Posture, TorqueLimit
+from robots import Posture
 from robots.arguments import expect
-from robots.torque_limit import check_torque_limit
 
 if TYPE_CHECKING:
     from humanoid_getup.posture_chains.crawl_search import Crawl
-
-SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
-MOST_BUDGET, MOST_ASSISTANCE = 1e6, 10.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlannerOptions:
-    """Options of a planner and its simulation; the defaults are the best known."""
-
-    planning: bool = True
-    """Plan a path to the connecting posture; False: interpolate straight to it."""
-    filtering: bool = True
-    """Filter through physics; False: path and motion are played as they are."""
-    assistance: float = 1.0
-    """Factor on the virtual actuator's torques in the filter."""
-    threads: int = 0
-    """Threads that step physics; 0 for one per processor. They change no result."""
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.assistance <= MOST_ASSISTANCE:
-            raise ValueError(
-                f"assistance is {self.assistance}, expected a share from 0 to {MOST_ASSISTANCE:g}"
-            )
 
 
 class PlannedRise:
@@ -70,71 +46,47 @@ class PlannedRise:
         self,
         world: World,
         database: MotionDatabase | None = None,
+        settings: PlannerSettings = DEFAULTS,
         *,
-        torque_limit: TorqueLimit = FULL_TORQUE,
-        prefer: PreferenceName = "time",
-        search_budget: float = SEARCH_BUDGET,
         keys: Sequence[Posture | KeyPosture] = (),
-        options: PlannerOptions | None = None,
         monitor: ProgressMonitor | None = None,
     ) -> None:
         """Prepare to plan.
 
         Args:
             database: Motions to connect to; ``None`` for the robot's own.
-            prefer: What a rise should be besides successful.
-            search_budget: Simulated time in which a search may vary a rollout's targets [s].
+            settings: Limits, secondary objective, and what is left out.
             keys: Key postures to rise through, in order; what physics refuses is dropped. They
                 require planning and filtering.
-            options: What is left out, and what the simulation uses.
             monitor: Shows the steps of each plan, and ends it between two of them if it is
                 canceled.
         """
         expect("world", world, World, "a World, e.g. World(robot)")
-        expect("search_budget", search_budget, int | float, "a number of seconds")
-        if not 0.0 < search_budget <= MOST_BUDGET:
-            raise ValueError(
-                f"search_budget is {search_budget} s, expected above 0 s, at most {MOST_BUDGET:g} s"
-            )
-        self.options = options = options or PlannerOptions()
+        expect("settings", settings, PlannerSettings, "e.g. PlannerSettings(prefer='torque')")
         monitor = monitor or ProgressMonitor()
-        if keys and not (options.planning and options.filtering):
+        if keys and not (settings.planning and settings.filtering):
             raise ValueError("keys are given, expected planning and filtering with them")
         self.keys = name_keys(keys)
         """Key postures, each with a name."""
         check_keys(world.robot, self.keys)
-        self.prefer: PreferenceName = prefer
-        self.search_budget = search_budget
-        self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
+        self.world, self.torque_limit = world, settings.torque_limit.on(world.robot)
+        self.settings = replace(settings, torque_limit=self.torque_limit)
         self.database = load_database(world.robot) if database is None else database
-        self.filter = DynamicsFilter(
-            world,
-            torque_limit=self.torque_limit,
-            prefer=prefer,
-            assistance=options.assistance,
-            threads=options.threads,
-            monitor=monitor,
-        )
+        self.filter = DynamicsFilter(world, self.settings, monitor=monitor)
         self._tools = SearchTools(
             world=world,
             database=self.database,
-            approach=Approach(world, planning=options.planning, monitor=monitor),
+            approach=Approach(world, planning=settings.planning, monitor=monitor),
             filter=self.filter,
-            finder=MotionFinder(
-                world,
-                self.torque_limit,
-                self.database.rising,
-                threads=options.threads,
-                monitor=monitor,
-            ),
-            budget=search_budget,
+            finder=MotionFinder(world, self.settings, self.database.rising, monitor=monitor),
+            budget=settings.search_budget,
             monitor=monitor,
         )
 
     def __repr__(self) -> str:
-        return f"PlannedRise({self.prefer} in {self.world!r})"
+        return f"PlannedRise({self.settings.prefer} in {self.world!r})"
 
-    def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
+    def plan(self, start: Posture, rng: np.random.Generator) -> Plan:
         """Plan a rise from a posture at rest; the same arguments give the same plan.
 
         Raises `CancelledError` if the planner's monitor is canceled.
@@ -143,7 +95,7 @@ class PlannedRise:
         room to stand crawls first: the plan is then a crawl, after which the rise has to be planned
         again.
         """
-        if not self.options.filtering:
+        if not self.settings.filtering:
             return self._chain_unfiltered(start, rng)
         began = time.perf_counter()
         self._tools.begin()
@@ -162,16 +114,9 @@ class PlannedRise:
         robot = self.world.robot
         return f"'{robot.name}' has no motion from {side}; next: {suggest_motions(robot)}"
 
-    def _conclude(self, start: Posture, found: FoundRise, filter_s: float) -> RisePlan:
+    def _conclude(self, start: Posture, found: FoundRise, filter_s: float) -> Plan:
         rollouts, searched = self.filter.count, self._tools.searched
-        record = SearchRecord(
-            prefer=self.prefer,
-            budget=self.search_budget,
-            simulated=searched,
-            outcome=found.rollout and found.rollout.outcome,
-            before=found.before and found.before.outcome,
-        )
-        tried = RisePlan(
+        tried = Plan(
             status=RiseStatus.NOT_PLANNED,
             planned=found.planned,
             robust=found.robust,
@@ -179,21 +124,19 @@ class PlannedRise:
             rounds=found.rounds,
             plan_s=found.plan_s,
             filter_s=filter_s,
-            search=record,
+            settings=self.settings,
+            searched=searched,
+            rollout=found.rollout and found.rollout.outcome,
+            before=found.before and found.before.outcome,
             keys=found.keys,
         )
         if found.crawl is not None:
             motion = make_crawl(self.world, start, found.crawl)
-            return MotionPlan(**vars(replace(tried, status=RiseStatus.MOVES)), motion=motion)
+            return replace(tried, status=RiseStatus.MOVES, motion=motion)
         if found.rollout is not None:
             motion = make_motion(self.world, start, found.rollout)
-            plan = replace(
-                tried,
-                status=RiseStatus.STOOD,
-                connection=found.rollout.candidate.connection,
-                stand_time=float(found.rollout.outcome.stand_time),
-            )
-            return MotionPlan(**vars(plan), motion=motion)
+            connection = found.rollout.candidate.connection
+            return replace(tried, status=RiseStatus.STOOD, motion=motion, connection=connection)
         gap = self.describe_gap(classify(start.orientation))
         if not found.rolled_out:
             return replace(tried, detail=gap)
@@ -208,29 +151,29 @@ class PlannedRise:
         limit, ways = self.torque_limit.value, list[str]()
         if limit is not None:
             ways.append(f"a higher --torque-limit than {limit:g} N·m")
-        if searched >= self.search_budget:
-            ways.append(f"a longer --search-budget than {self.search_budget:g} s")
+        if searched >= self.settings.search_budget:
+            ways.append(f"a longer --search-budget than {self.settings.search_budget:g} s")
         return f"next: {' or '.join(ways)}" if ways else ""
 
-    def _chain_unfiltered(self, start: Posture, rng: np.random.Generator) -> RisePlan:
+    def _chain_unfiltered(self, start: Posture, rng: np.random.Generator) -> Plan:
         """Chain the smoothed path and the nearest motion without any physics."""
         began = time.perf_counter()
         connection = self.database.select(start, 1)[0]
         path = self._tools.approach.path(start, connection, rng)
         plan_s = time.perf_counter() - began
         if path is None:
-            return RisePlan(
+            return Plan(
                 status=RiseStatus.NOT_PLANNED,
                 detail=f"{connection.motion.name} alone was tried; next: leave out --no-filtering",
                 connection=connection,
                 plan_s=plan_s,
             )
-        return MotionPlan(
+        return Plan(
             status=RiseStatus.UNFILTERED,
             motion=chain(self.world, path, connection),
-            simulated=False,
+            tracked=False,
             connection=connection,
-            planned=self.options.planning,
+            planned=self.settings.planning,
             plan_s=plan_s,
         )
 

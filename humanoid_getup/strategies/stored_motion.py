@@ -9,7 +9,7 @@ import numpy as np
 from humanoid_getup.motions.motion import NO_END, Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, find_motion, load_database
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.arguments import expect
 from robots.torque_limit import check_torque_limit
@@ -36,9 +36,9 @@ class StoredMotion:
     def __repr__(self) -> str:
         return f"StoredMotion({self.motion.name} in {self.world!r})"
 
-    def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
+    def plan(self, _start: Posture, _rng: np.random.Generator) -> Plan:
         """Plan to play the motion."""
-        return MotionPlan(status=RiseStatus.STORED, motion=self.motion)
+        return Plan(status=RiseStatus.STORED, motion=self.motion)
 
 
 class NearestMotion:
@@ -55,7 +55,7 @@ class NearestMotion:
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.database = load_database(world.robot) if database is None else database
 
-    def plan(self, start: Posture, _rng: np.random.Generator) -> MotionPlan:
+    def plan(self, start: Posture, _rng: np.random.Generator) -> Plan:
         """Plan to play the motion."""
         nearest = self.database.select(start)[0]
-        return MotionPlan(status=RiseStatus.STORED, motion=nearest.motion, connection=nearest)
+        return Plan(status=RiseStatus.STORED, motion=nearest.motion, connection=nearest)

@@ -14,14 +14,13 @@ from humanoid_getup.motions.trial import Trial
 from humanoid_getup.playback.play import find_approach_time
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place_postures, read_posture
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
 
 if TYPE_CHECKING:
-    from humanoid_getup.execution.result import RiseResult
+    from humanoid_getup.execution.rise import Rise
     from humanoid_getup.experiments.judging.outcome import Outcome
     from humanoid_getup.experiments.judging.record import Record
     from humanoid_getup.motions.motion import Motion
@@ -96,7 +95,7 @@ BETWEEN = "Between resting postures the robot is interpolated, not simulated."
 TITLES = ("Neck height [share of standing]", "Side angle [deg]", "Front angle [deg]")
 
 
-def make_rise_take(world: World, result: RiseResult, name: str) -> Take | None:
+def make_rise_take(world: World, result: Rise, name: str) -> Take | None:
     """Make the take of the last run of a rise; None if nothing was played."""
     outcome = result.outcome
     if outcome is None or not len(outcome.qpos):
@@ -104,7 +103,7 @@ def make_rise_take(world: World, result: RiseResult, name: str) -> Take | None:
     record, plan = outcome.record, result.plan
     time = np.arange(1.0, len(record.qpos) + 1.0) * record.period
     ghost = None
-    if isinstance(plan, MotionPlan):
+    if plan.motion is not None:
         # The player sends the motion after its approach.
         begin = read_posture(world.robot, world.model, record.qpos[0])
         approach = find_approach_time(world.robot, plan.motion, begin.joint_pos)
@@ -200,7 +199,7 @@ def describe_loads(outcome: Outcome) -> str:
     )
 
 
-def _find_marks(outcome: Outcome, result: RiseResult) -> tuple[Mark, ...]:
+def _find_marks(outcome: Outcome, result: Rise) -> tuple[Mark, ...]:
     marks = []
     if outcome.stood:
         marks.append(Mark(time=float(outcome.stand_time), text="stands"))
@@ -210,7 +209,7 @@ def _find_marks(outcome: Outcome, result: RiseResult) -> tuple[Mark, ...]:
     return tuple(marks)
 
 
-def _list_facts(outcome: Outcome, result: RiseResult) -> tuple[str, ...]:
+def _list_facts(outcome: Outcome, result: Rise) -> tuple[str, ...]:
     """Say how it ended, how it was planned, what the preflight found, and its loads."""
     verdict = result.attempts[-1].verdict
     facts = [f"{'Stands' if result.stood else 'Does not stand'}: {result.reason}"]

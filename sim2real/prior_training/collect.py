@@ -14,11 +14,12 @@ from humanoid_getup.experiments.drop import Drops
 from humanoid_getup.experiments.falls import CLASSES, sample_fall_set
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.plan import RiseStatus
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, load_robot
 from robots.kinematics import place_postures, transfer_positions
 from sim2real.environment.starts import drop_falls
@@ -99,7 +100,7 @@ def _load_plan(file: Path) -> Motion:
 def plan_piece(robot: str, threads: int, piece: PriorPiece) -> Motion | None:
     """Plan a rise of a robot or its folder, in a worker; return its motion if it stands."""
     plan = _make_planner(robot, threads).plan(piece.start, np.random.default_rng(piece.seed))
-    if isinstance(plan, MotionPlan) and plan.status is RiseStatus.STOOD:
+    if plan.motion is not None and plan.status is RiseStatus.STOOD:
         return plan.motion
     return None
 
@@ -107,7 +108,7 @@ def plan_piece(robot: str, threads: int, piece: PriorPiece) -> Motion | None:
 @lru_cache(maxsize=1)
 def _make_planner(robot: str, threads: int) -> PlannedRise:
     """Make the planner of a worker, once."""
-    return PlannedRise(World(load_robot(robot), "flat"), options=PlannerOptions(threads=threads))
+    return PlannedRise(World(load_robot(robot), "flat"), settings=PlannerSettings(threads=threads))
 
 
 def forget_planner() -> None:

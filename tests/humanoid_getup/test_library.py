@@ -13,7 +13,7 @@ from nonempty import nonempty
 
 import humanoid_getup as hg
 from drivers.dynamixel.backend import DynamixelBackend
-from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.rise import AttemptStatus, Rise
 from humanoid_getup.execution.session import Session
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.scenes.scene import FLAT_SCENE
@@ -40,7 +40,7 @@ def test_importing_the_package_is_light_and_chooses_a_gl_before_mujoco():
 
 def test_every_public_name_is_there_and_is_listed():
     names = """load_robot Body World Twin DynamixelBackend SafetyGuard TorqueLimit sample_fall
-        get_up keep_stand PlannedRise LearnedRise StoredMotion Motion OnnxPolicy SessionOptions
+        get_up keep_stand PlannedRise PlannerSettings LearnedRise StoredMotion Motion OnnxPolicy SessionOptions
         Style StyleCurves StyledRise load_style import_robot check_robot build_motions retarget
         discover discover_all import_keys import_clip extract_style plan preflight preview
         make_prior train export evaluate benchmark measure_robot rise play_motion run_policy sit
@@ -96,12 +96,12 @@ def test_a_strategy_for_another_robot_is_refused(tiny, world):
 
 def test_a_torque_limit_is_not_a_number(world):
     for make, given in (
-        (hg.PlannedRise, ()),
-        (hg.LearnedRise, ("robust",)),
-        (hg.StoredMotion, (MOTION,)),
+        (hg.PlannerSettings, ()),
+        (hg.LearnedRise, (world, "robust")),
+        (hg.StoredMotion, (world, MOTION)),
     ):
         with pytest.raises(ValueError, match=r"torque_limit is 2\.5, expected a TorqueLimit, e"):
-            make(world, *given, torque_limit=2.5)
+            make(*given, torque_limit=2.5)
 
 
 def test_a_loaded_policy_and_its_strategy_have_one_torque_limit(op3, world):
@@ -138,7 +138,7 @@ OnnxPolicy.load('nope', w.robot) | policy file nope: No such file or directory
 OnnxPolicy.load('nope', 'op3') | robot is 'op3', expected a Robot, e.g. load_robot('op3')
 load_style('side-sit', 'op3') | robot is 'op3', expected a Robot, e.g. load_robot('op3')
 PlannedRise(w.robot) | world is a Robot, expected a World, e.g. World(robot)
-PlannedRise(w, search_budget='1') | search_budget is '1', expected a number
+PlannerSettings(search_budget='1') | search_budget is '1', expected a number
 LearnedRise(w.robot, 'robust') | world is a Robot, expected a World, e.g. World(robot)
 StoredMotion(w.robot, 'any') | world is a Robot, expected a World, e.g. World(robot)
 StoredMotion(w, 'moonwalk') | unknown motion 'moonwalk', expected
@@ -185,7 +185,5 @@ def test_a_stored_motion_is_named_or_given(world):
 
 
 def test_a_rise_that_failed_says_so(op3):
-    result = RiseResult(
-        robot=op3, start_class="left", status=AttemptStatus.NEEDS_HELP, reason="no path"
-    )
+    result = Rise(robot=op3, start_class="left", status=AttemptStatus.NEEDS_HELP, reason="no path")
     assert str(result) == "op3, left: does not stand: no path"

@@ -21,13 +21,12 @@ from humanoid_getup.commands.get_up.results import finish_rise, print_rise
 from humanoid_getup.commands.main import main
 from humanoid_getup.commands.options import with_json
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.rise import AttemptStatus, Rise
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames
-from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Robot
@@ -132,12 +131,12 @@ def test_the_rise_is_the_same_over_the_bus(risen: Path, report: dict, op3: Robot
 def test_a_fault_of_the_hardware_has_its_own_exit_code(played, world, tmp_path, by_fault, code):
     ended = replace(played, status=AttemptStatus.NEEDS_HELP, by_fault=by_fault)
     options: Any = with_json(PlayRequest)(motion=MOTION, json=str(tmp_path / "figures.json"))
-    done = finish_rise(ended, None, world, options, RiseSettings())
+    done = finish_rise(ended, None, world, options)
     assert print_rise(done, options, Console()) == code
 
 
 @pytest.fixture(scope="module")
-def played(op3: Robot, world: World) -> RiseResult:
+def played(op3: Robot, world: World) -> Rise:
     """A squat that stood up, played as it is stored."""
     squat = find_motion(op3, SQUAT)
     twin = Twin(world, lie_at_start(world, SQUAT))

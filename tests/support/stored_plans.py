@@ -9,7 +9,7 @@ from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus, SearchRecord
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, quaternion
 from robots.kinematics import read_posture
@@ -25,17 +25,16 @@ def lie_at_start(world: World, motion: str = MOTION) -> Posture:
     return read_posture(world.robot, world.model, settle_posture(world, first))
 
 
-def plan_stored(planner: PlannedRise, start: Posture, _rng: np.random.Generator) -> MotionPlan:
+def plan_stored(planner: PlannedRise, start: Posture, _rng: np.random.Generator) -> Plan:
     """Plan the nearest stored motion, fitted to the start; stands in for `PlannedRise.plan`."""
     nearest = planner.database.select(start, 1)[0]
-    return MotionPlan(
+    return Plan(
         status=RiseStatus.STOOD,
         motion=fit(nearest.motion, start, planner.world.robot),
         connection=nearest,
         planned=True,
-        stand_time=float(nearest.motion.provenance["stand_time_s"]),
         robust=1.0,
-        search=SearchRecord(prefer=planner.prefer, budget=planner.search_budget),
+        settings=planner.settings,
         rollouts=2,
         rounds=1,
     )

@@ -16,7 +16,6 @@ from humanoid_getup.commands.get_up.session_hooks import Operator
 from humanoid_getup.commands.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.commands.options import BodyOption, MotionName
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.strategies.stored_motion import StoredMotion
 
 
@@ -72,7 +71,6 @@ def play_motion(
         strategy,
         monitor,
         operator,
-        settings=RiseSettings(),
         motion=motion,
         preflight=request.preflight,
         without_imu=request.without_imu,

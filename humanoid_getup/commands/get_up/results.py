@@ -17,6 +17,7 @@ from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, HARDWARE_FAULT, INTERRUPTED
 from humanoid_getup.commands.get_up.options import (
     ARTEFACTS,
+    MOTION,
     REPORT,
     STRIP,
     STYLE,
@@ -27,7 +28,7 @@ from humanoid_getup.commands.get_up.options import (
 from humanoid_getup.commands.get_up.recording import FLIGHT
 from humanoid_getup.commands.output_files import staging
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise import Rise
 from humanoid_getup.execution.session import Then
 from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.outcome import Outcome
@@ -36,9 +37,7 @@ from humanoid_getup.reporting import film_strip, plots
 from humanoid_getup.reporting.report import (
     ReportHead,
     RiseReport,
-    RiseSettings,
     StandReport,
-    make_report,
     print_summary,
 )
 from humanoid_getup.reporting.video import save_video
@@ -50,6 +49,7 @@ from robots.storage.encoding import to_json
 from robots.storage.files import describe, write_atomically
 
 OWN_START, WHERE_IT_LAY = "the motion's own", "where the robot lay"
+SETTINGS = ("method", "planning", "filtering")
 NO_ORIENTATION = "without an IMU the orientation of the robot is unknown"
 
 
@@ -68,7 +68,7 @@ class FinishedWork:
 class FinishedRise(FinishedWork):
     """A rise that ended, whether or not the robot stands."""
 
-    rise: RiseResult
+    rise: Rise
     report: RiseReport
 
     def naming_hand_over(self) -> AbstractContextManager[None]:
@@ -97,21 +97,25 @@ class FinishedStand(FinishedWork):
 
 
 def finish_rise(
-    result: RiseResult,
+    result: Rise,
     start: Fall | None,
     world: World,
     request: GetUpOptions,
-    settings: RiseSettings,
     motion: Motion | None = None,
     findings: Sequence[str] = (),
 ) -> FinishedRise:
     """Report a rise, with what was found beside it, and write its files."""
     origin = request.origin or (OWN_START if start else WHERE_IT_LAY)
     with naming_hand_over(lambda: result.hand_over):
-        report = make_report(
-            result, _make_head(result, world, request, request.ending, origin), settings, motion
-        )
-        report = replace(report, keys=_measure_keys(result, world))
+        figures = vars(result.figures()) | {"keys": _measure_keys(result, world)}
+        figures["period_s"] = figures["period_s"] or world.robot.control_period
+        if motion is not None:
+            figures |= {"motion": motion.name, "strategy": motion.strategy}
+        settings = {
+            key: getattr(request, key, UNSET) for key in ("method", "planning", "filtering")
+        }
+        head = vars(_make_head(result, world, request, request.ending, origin))
+        report = RiseReport(**figures, **settings, **head)
         report.warnings.extend(findings)
         if request.out is not None:
             with staging(request.out, ARTEFACTS) as folder:
@@ -169,7 +173,7 @@ def _film(
 
 
 def _make_head(
-    result: RiseResult | AfterStand,
+    result: Rise | AfterStand,
     world: World,
     request: MoveOptions,
     then: Then,
@@ -189,7 +193,7 @@ def _make_head(
     )
 
 
-def _measure_keys(result: RiseResult, world: World) -> list[KeyFigures]:
+def _measure_keys(result: Rise, world: World) -> list[KeyFigures]:
     """Return the figures of the key postures; kept ones have their error as played."""
     outcome, kept = result.outcome, [key for key in result.plan.keys if key.figures.kept]
     played = dict[int, float]()
@@ -202,14 +206,15 @@ def _measure_keys(result: RiseResult, world: World) -> list[KeyFigures]:
     ]
 
 
-def _draw(result: RiseResult, world: World, request: GetUpOptions, folder: Path) -> str | None:
+def _draw(result: Rise, world: World, request: GetUpOptions, folder: Path) -> str | None:
     """Write the motion and the pictures; return why there is no film strip."""
     if not result.has_imu:
         return NO_ORIENTATION
     if result.outcome is None or not len(result.outcome.qpos):
         return "nothing was played"
     robot, outcome, plan = world.robot, result.outcome, result.plan
-    plan.save(folder)
+    if plan.motion is not None:
+        plan.motion.save(folder / MOTION)
     end = float(outcome.stand.start_time) + film_strip.AFTERMATH if result.stood else math.inf
     again = result.attempts[-1].start_class if len(result.attempts) > 1 else None
     lay = again or result.start_class

@@ -11,25 +11,23 @@ from humanoid_getup.commands.get_up.options import GetUpOptions, StyleOption
 from humanoid_getup.commands.get_up.results import FinishedRise, print_rise
 from humanoid_getup.commands.get_up.rise_session import run_session
 from humanoid_getup.commands.get_up.session_hooks import Operator
-from humanoid_getup.commands.inputs import load_keys, load_world, make_torque_limit
+from humanoid_getup.commands.inputs import load_keys, load_world, make_settings
 from humanoid_getup.commands.options import (
     A_POLICY,
     BodyOption,
     Count,
     Keys,
+    PlannerOptions,
     PolicyName,
-    PreferenceOptions,
 )
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import choose_strategy
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.planned_rise import PlannerOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class RiseRequest(BodyOption, PreferenceOptions, GetUpOptions):
+class RiseRequest(BodyOption, PlannerOptions, GetUpOptions):
     """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
 
     attempts: Count = 3
@@ -39,10 +37,6 @@ class RiseRequest(BodyOption, PreferenceOptions, GetUpOptions):
     policy: PolicyName | None = None
     """With --method policy or auto; default: robust, or styled with --style."""
     style: StyleOption = None
-    planning: bool = True
-    """Plan a collision-free path to the rising motion; otherwise interpolate."""
-    filtering: bool = True
-    """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
     key: Keys = ()
 
     @property
@@ -62,11 +56,7 @@ class RiseRequest(BodyOption, PreferenceOptions, GetUpOptions):
         problems = []
         if self.method == "plan" and self.policy is not None:
             problems.append(f"--policy is {self.policy}, expected --method policy or auto with it")
-        given = {
-            f"--prefer {self.prefer}": self.prefer != "time",
-            "--search-budget": self.search_budget != PreferenceOptions.search_budget,
-        }
-        named = " and ".join(name for name, is_given in given.items() if is_given)
+        named = self.name_objective()
         if named and self.method == "policy":
             problems.append(f"{named}: expected --method plan or auto with it")
         if self.style is not None and self.method != "policy":
@@ -104,9 +94,6 @@ def rise(
         operator,
         # Without the filter, the purpose is to see whether the raw path stands.
         preflight=request.filtering,
-        settings=RiseSettings(
-            method=request.method, planning=request.planning, filtering=request.filtering
-        ),
     )
 
 
@@ -118,11 +105,8 @@ def _select_strategy(request: RiseRequest, world: World, monitor: ProgressMonito
     return choose_strategy(
         world,
         request.method,
-        torque_limit=make_torque_limit(request, world.robot),
-        prefer=request.prefer,
-        search_budget=request.search_budget,
+        make_settings(request, world.robot),
         keys=load_keys(world, request.key),
-        options=PlannerOptions(planning=request.planning, filtering=request.filtering),
         policy=request.policy,
         style=request.style,
         origin=request.origin,

@@ -14,17 +14,14 @@ from humanoid_getup.commands.get_up.options import GetUpOptions
 from humanoid_getup.commands.get_up.recording import make_log, recording
 from humanoid_getup.commands.get_up.results import FinishedRise, finish_rise
 from humanoid_getup.commands.get_up.session_hooks import NoOperator, Operator, SessionHooks
-from humanoid_getup.commands.inputs import (
-    find_start,
-)
+from humanoid_getup.commands.inputs import find_start
 from humanoid_getup.execution.after_stand import naming_hand_over
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise import Rise
 from humanoid_getup.execution.session import DeadReckoning, SessionOptions
 from humanoid_getup.experiments.falls import Fall, find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
@@ -36,7 +33,6 @@ def run_session(
     monitor: ProgressMonitor,
     operator: Operator | None,
     *,
-    settings: RiseSettings,
     motion: Motion | None = None,
     without_imu: bool = False,
     **options: Any,
@@ -50,7 +46,6 @@ def run_session(
         strategy: Strategy of the rise.
         monitor: Shows the phases, and ends the work if it is canceled.
         operator: Watches while the robot moves; None for no operator.
-        settings: Settings for the report.
         motion: The motion that is played, if it is known beforehand.
         without_imu: Whether the robot has no IMU; it is taken to lie where the motion begins.
         options: Further options of the session.
@@ -58,7 +53,7 @@ def run_session(
     world, limit = strategy.world, strategy.torque_limit
     rng = np.random.default_rng(request.seed)
     monitor.begin("opening the backend")
-    rise: RiseResult | None = None
+    rise: Rise | None = None
     with (
         naming_hand_over(lambda: rise and rise.hand_over),
         open_backend(request, world, limit, without_imu=without_imu) as choice,
@@ -84,7 +79,7 @@ def run_session(
             manager = AttemptManager(session, strategy, max_attempts=request.most_attempts)
             rise = hooks.work(session, lambda: manager.get_up(rng))
     monitor.begin("drawing")
-    return finish_rise(rise, start, world, request, settings, motion, choice.findings)
+    return finish_rise(rise, start, world, request, motion, choice.findings)
 
 
 def _locate(request: GetUpOptions, options: SessionOptions) -> SessionOptions:

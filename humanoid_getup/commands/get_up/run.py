@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import Positional, arg
 
@@ -20,7 +20,6 @@ from humanoid_getup.commands.options import PolicyName
 from humanoid_getup.commands.policies import load_policy, name_robot
 from humanoid_getup.commands.values import between
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.strategies.choice import POLICY, apply_style
 from humanoid_getup.strategies.learned_rise import LearnedRise
 
@@ -29,6 +28,7 @@ from humanoid_getup.strategies.learned_rise import LearnedRise
 class RunRequest(GetUpOptions):
     """Run a trained policy once, supervised, and judge how it ends."""
 
+    method: ClassVar[str] = POLICY
     policy: Positional[PolicyName]
     robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
@@ -50,7 +50,7 @@ def run_policy(
     limit = make_torque_limit(request, world.robot)
     learned = LearnedRise(world, policy, torque_limit=limit, name=name)
     strategy = apply_style(learned, request.style, monitor)
-    return run_session(request, strategy, monitor, operator, settings=RiseSettings(method=POLICY))
+    return run_session(request, strategy, monitor, operator)
 
 
 run_policy.show(print_rise)

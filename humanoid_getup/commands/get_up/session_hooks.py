@@ -15,13 +15,13 @@ from humanoid_getup.commands.get_up.options import MP4, MoveOptions
 from humanoid_getup.commands.get_up.recording import FlightRecorder
 from humanoid_getup.commands.viewer import viewing
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise import Rise
 from humanoid_getup.execution.session import Phase, PhaseChange, Session, SessionOptions
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 
-Result = TypeVar("Result", RiseResult, AfterStand)
+Result = TypeVar("Result", Rise, AfterStand)
 
 
 class Operator(Protocol):

@@ -27,14 +27,13 @@ from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import format_figure, make_table
 from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.files import WRITTEN
-from humanoid_getup.commands.inputs import load_world, make_torque_limit
+from humanoid_getup.commands.inputs import load_world, make_settings
 from humanoid_getup.commands.options import (
     BodyOption,
     Count,
     EngineOptions,
-    PreferenceOptions,
+    PlannerOptions,
     SceneOptions,
-    TorqueOptions,
 )
 from humanoid_getup.commands.pieces import make_worker_request, starting
 from humanoid_getup.commands.values import between
@@ -44,7 +43,7 @@ from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.planned_rise import PlannedRise
 
 HEADINGS = {
     "n": "n",
@@ -63,15 +62,11 @@ LOADS = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRise(EngineOptions, PreferenceOptions, TorqueOptions, BodyOption, SceneOptions):
+class BenchRise(EngineOptions, PlannerOptions, BodyOption, SceneOptions):
     """Rise from many settled falls: success rates, times and faults."""
 
     n: Count = 20
     """Falls of each class: supine, prone, lateral."""
-    planning: bool = True
-    """Plan a collision-free path to the rising motion; otherwise interpolate."""
-    filtering: bool = True
-    """Filter the path through physics; otherwise play it unfiltered."""
     assistance: Annotated[float, between(0.0, 1.0)] = 1.0
     """Factor on the virtual actuator's torques in the filter; with 0, no candidate has it."""
     ledger: Annotated[Path | None, WRITTEN, arg(metavar="FILE")] = None
@@ -95,17 +90,11 @@ def benchmark(request: BenchRise, monitor: ProgressMonitor) -> RiseBench:
     """Rise from many settled falls; finished rises are kept in the ledger."""
     monitor.begin("loading")
     planner = make_planner(request)
-    world, limit = planner.world, planner.torque_limit
+    world = planner.world
     conditions: dict[str, Any] = {
         "seed": request.seed,
-        "torque_limit_nm": limit.value,
-        "limit_by": limit.by,
         "versions": Versions.find(request.robot),
-        "planning": request.planning,
-        "filtering": request.filtering,
-        "assistance": request.assistance,
-        "prefer": request.prefer,
-        "search_budget_s": request.search_budget,
+        **planner.settings.describe(),
     }
     with refusing():
         ledger = None
@@ -166,18 +155,7 @@ def make_planner(request: BenchRise, threads: int = 0) -> PlannedRise:
     """Make the planner of a benchmark, whose physics takes a number of threads."""
     world = load_world(request)
     with refusing():
-        return PlannedRise(
-            world,
-            torque_limit=make_torque_limit(request, world.robot),
-            prefer=request.prefer,
-            search_budget=request.search_budget,
-            options=PlannerOptions(
-                planning=request.planning,
-                filtering=request.filtering,
-                assistance=request.assistance,
-                threads=threads,
-            ),
-        )
+        return PlannedRise(world, settings=make_settings(request, world.robot, threads=threads))
 
 
 def plan_rise(request: BenchRise, piece: RisePiece) -> MeasuredRise:

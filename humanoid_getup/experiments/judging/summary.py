@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any, Self
 
 import msgspec
@@ -18,25 +17,6 @@ class Quantiles(msgspec.Struct, frozen=True, kw_only=True):
 
     median: float | None = None
     p95: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class SummarizedRise:
-    """Figures of a rise to summarize, by report.json's keys; None if it did not get that far."""
-
-    planned: bool = False
-    stood: bool | None = False
-    stand_time_s: float | None = None
-    plan_s: float = 0.0
-    filter_s: float = 0.0
-    torque_use: float | None = None
-    peak_torque_nm: float | None = None
-    rms_torque_nm: float | None = None
-    head_impact_m_s: float | None = None
-    self_collisions: int | None = None
-    ground_penetrations: int | None = None
-    limit_violations: int | None = None
-    clips: int = 0
 
 
 class RiseSummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,10 +39,10 @@ class RiseSummary(msgspec.Struct, frozen=True, kw_only=True):
     clips: int
 
     @classmethod
-    def of(cls, rises: Sequence[SummarizedRise], **others: Any) -> Self:
-        """Summarize rises; ``others`` are further fields."""
+    def of(cls, rises: Sequence[Any], **others: Any) -> Self:
+        """Summarize rises, by their figures of the same names; ``others`` are further fields."""
         for field in msgspec.structs.fields(RiseSummary):
-            if hasattr(SummarizedRise, field.name):
+            if field.name not in ("n", "stood_interval_95"):
                 values = [getattr(rise, field.name) for rise in rises]
                 spreads = field.type is Quantiles
                 others[field.name] = summarize(values) if spreads else sum(v or 0 for v in values)

@@ -29,6 +29,7 @@ from humanoid_getup.commands.inputs import find_start, load_world, make_torque_l
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import Phase, PhaseChange, SessionOptions
 from humanoid_getup.experiments.falls import find_rest
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.playback.monitors import DOWN, Persistence, vector_angle
 from humanoid_getup.progress.callback import CancelledError, ProgressMonitor
 from humanoid_getup.strategies.choice import choose_strategy
@@ -189,7 +190,7 @@ class RobotThread:
                     strategy = choose_strategy(
                         world,
                         request.method,
-                        torque_limit=limit,
+                        PlannerSettings(torque_limit=limit),
                         policy=request.policy,
                         monitor=self._monitor,
                     )

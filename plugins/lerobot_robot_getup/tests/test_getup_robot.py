@@ -18,7 +18,7 @@ from waiting import wait_until
 from drivers import DriverError, Twin
 from drivers.errors import UnreleasedError
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 
@@ -174,7 +174,7 @@ def test_without_a_way_to_rise_a_fallen_robot_goes_on_obeying(connect):
 
 
 def test_a_robot_that_cannot_rise_says_why_and_stays_limp(connect, monkeypatch):
-    refuse = lambda *_: RisePlan(status=RiseStatus.NOT_PLANNED)  # noqa: E731
+    refuse = lambda *_: Plan(status=RiseStatus.NOT_PLANNED)  # noqa: E731
     monkeypatch.setattr(PlannedRise, "plan", refuse)
     robot = connect(start="supine", attempts=1)
     robot.send_action({PAN: 0.0})

@@ -19,7 +19,7 @@ from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.benchmark_page import save_benchmark, write_page
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Robot, TorqueLimit
 
@@ -31,7 +31,7 @@ class NothingPlanned:
         self.world, self.torque_limit = world, limit
 
     def plan(self, _start, _rng):
-        return RisePlan(status=RiseStatus.NOT_PLANNED)
+        return Plan(status=RiseStatus.NOT_PLANNED)
 
 
 @pytest.fixture(scope="module")

@@ -11,12 +11,12 @@ from drivers import Command, DriverError, SafetyGuard, State, Twin
 from humanoid_getup.execution import stand_keeper
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.recovery import OVERHEATING, OVERLOAD, Cooling, RebootBudget
-from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.rise import AttemptStatus, Rise
 from humanoid_getup.execution.session import Phase, PhaseChange, Session
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
 
 KNEE = "l_knee"
@@ -28,9 +28,9 @@ class Scripted:
     torque_limit = FULL_TORQUE
 
     def __init__(self, motion: Motion) -> None:
-        self._plan = MotionPlan(status=RiseStatus.STORED, motion=motion)
+        self._plan = Plan(status=RiseStatus.STORED, motion=motion)
 
-    def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
+    def plan(self, _start: Posture, _rng: np.random.Generator) -> Plan:
         return self._plan
 
 
@@ -112,7 +112,7 @@ def manage(world: World, twin: Ailing, phases: list[PhaseChange]):
     return manage
 
 
-def get_up_with(manager: AttemptManager) -> RiseResult:
+def get_up_with(manager: AttemptManager) -> Rise:
     return manager.get_up(np.random.default_rng(0))
 
 

@@ -10,13 +10,13 @@ from drivers import Twin
 from humanoid_getup.execution import attempt_manager
 from humanoid_getup.execution.attempt_manager import MOST_MOVES, MOST_PLANS
 from humanoid_getup.execution.get_up import get_up as get_robot_up
-from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.rise import AttemptStatus, Rise
 from humanoid_getup.execution.session import DeadReckoning, SessionOptions
 from humanoid_getup.motions.motion import NO_END, Motion
 from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from robots import FULL_TORQUE, Posture, quaternion
 
 
@@ -25,16 +25,16 @@ class Plans:
     """A strategy that makes the plans that it is given, one after the other."""
 
     world: World
-    plans: list[RisePlan]
+    plans: list[Plan]
     torque_limit = FULL_TORQUE
     starts: list[Posture] = field(default_factory=list)
 
-    def plan(self, start: Posture, _rng: np.random.Generator) -> RisePlan:
+    def plan(self, start: Posture, _rng: np.random.Generator) -> Plan:
         self.starts.append(start)
         return self.plans.pop(0)
 
 
-class Passed(MotionPlan):
+class Passed(Plan):
     """A plan that the preflight lets pass, without a rollout."""
 
     def preflight(self, *_) -> Verdict:
@@ -47,7 +47,7 @@ class Fallen(Verdict):
     falls = another_may_pass = True
 
 
-class Falls(MotionPlan):
+class Falls(Plan):
     """A plan that the preflight refuses, without a rollout."""
 
     def preflight(self, *_) -> Verdict:
@@ -55,7 +55,7 @@ class Falls(MotionPlan):
 
 
 @pytest.fixture
-def move(world: World, prone: Posture) -> MotionPlan:
+def move(world: World, prone: Posture) -> Plan:
     """Lift an arm and lay it down."""
     frames = 60
     target = np.tile(prone.joint_pos, (frames, 1))
@@ -71,12 +71,10 @@ def move(world: World, prone: Posture) -> MotionPlan:
         strategy="crawl",
         joint_target=target,
     )
-    return MotionPlan(status=RiseStatus.MOVES, motion=motion, plan_s=2.0)
+    return Plan(status=RiseStatus.MOVES, motion=motion, plan_s=2.0)
 
 
-def get_up(
-    world: World, prone: Posture, plans: list[RisePlan], **options
-) -> tuple[RiseResult, Plans]:
+def get_up(world: World, prone: Posture, plans: list[Plan], **options) -> tuple[Rise, Plans]:
     strategy = Plans(world, plans)
     chosen, twin = SessionOptions(**options), Twin(world, prone)
     return get_robot_up(twin, strategy, max_attempts=1, options=chosen), strategy
@@ -84,7 +82,7 @@ def get_up(
 
 def test_a_searched_plan_that_falls_in_the_preflight_is_made_again(world, prone, motions):
     wrong = Falls(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=1.0)
-    right = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
+    right = Plan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
     result, _ = get_up(world, prone, [wrong, right])
     assert result.status is AttemptStatus.STOOD
     (attempt,) = result.attempts
@@ -111,7 +109,7 @@ def test_a_robot_that_tips_over_while_it_is_planned_for_is_planned_for_again(
     on_edge = replace(prone, orientation=quaternion.multiply(rolled, prone.orientation))
     estimates = iter([on_edge])
     monkeypatch.setattr(attempt_manager, "estimate_posture", lambda *_: next(estimates, prone))
-    for_the_side = MotionPlan(status=RiseStatus.STORED, motion=_begin_as(motions[RIGHT], on_edge))
+    for_the_side = Plan(status=RiseStatus.STORED, motion=_begin_as(motions[RIGHT], on_edge))
     right = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT])
     result, strategy = get_up(world, prone, [for_the_side, right])
     assert [start is prone for start in strategy.starts] == [False, True]

@@ -7,7 +7,7 @@ import pytest
 
 from drivers import Ending, SafetyGuard, Twin, run
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.rise import AttemptStatus, Rise
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.judge import SensorJudge
@@ -45,7 +45,7 @@ def play_on_twin(world: World, motion, start: Posture, **options):
     return result, np.array(sent)
 
 
-def play(backend, motion, **options) -> RiseResult:
+def play(backend, motion, **options) -> Rise:
     """Play a motion once, on a robot that is taken to lie where it begins."""
     body = backend.backend if isinstance(backend, SafetyGuard) else backend
     world = World(body.robot)

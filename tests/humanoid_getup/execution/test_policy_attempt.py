@@ -13,7 +13,7 @@ from tiny_policies import save_policy, weights_of
 
 from drivers import Ending, SafetyGuard, State, Twin
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.rise import Rise
 from humanoid_getup.execution.session import Session
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -28,7 +28,7 @@ from humanoid_getup.strategies.choice import (
     TrackRecord,
 )
 from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from robots import Posture, Robot, TorqueLimit, quaternion
 
 PERIOD = 0.008
@@ -71,7 +71,7 @@ def test_a_policy_may_lean_and_fall_for_as_long_as_it_has(idle: OnnxPolicy):
     assert supervisor.longest == SHORT
 
 
-def rise(world: World, policy: OnnxPolicy, start: Posture, **options) -> tuple[RiseResult, Twin]:
+def rise(world: World, policy: OnnxPolicy, start: Posture, **options) -> tuple[Rise, Twin]:
     twin = Twin(world, voltage=options.pop("voltage", None))
     twin.place(start)
     session = Session(guard=SafetyGuard(twin), world=world, **options)
@@ -107,8 +107,8 @@ class Named:
     def __init__(self, name: str, world: World, torque_limit: float) -> None:
         self._name, self.world, self.torque_limit = name, world, TorqueLimit(torque_limit)
 
-    def plan(self, _start: Posture, _rng: np.random.Generator) -> RisePlan:
-        return RisePlan(status=RiseStatus.NOT_PLANNED, detail=self._name)
+    def plan(self, _start: Posture, _rng: np.random.Generator) -> Plan:
+        return Plan(status=RiseStatus.NOT_PLANNED, detail=self._name)
 
 
 def choose(world: World, records: TrackRecord, start: Posture, torque_limit: float = 4.1) -> str:

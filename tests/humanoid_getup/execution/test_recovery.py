@@ -17,7 +17,7 @@ from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.rise import AttemptStatus, Rise
 from humanoid_getup.execution.session import Phase, PhaseChange, Session
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
@@ -33,7 +33,7 @@ def rise_and_break(
     strike: Callable[[FaultInjector, SafetyGuard], object],
     recover: Callable[[FaultInjector], object] = lambda _: None,
     again: Callable[[SafetyGuard], object] = lambda _: None,
-) -> tuple[RiseResult, list[PhaseChange], VirtualRobot]:
+) -> tuple[Rise, list[PhaseChange], VirtualRobot]:
     """Get an OP3 up on the virtual bus; something breaks half a second into the first run.
 
     ``recover`` is called as it recovers, ``again`` before the second run.

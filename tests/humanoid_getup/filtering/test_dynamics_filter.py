@@ -13,6 +13,7 @@ from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.tracking import LONGEST_STRETCH
 from humanoid_getup.motions.posture_metric import align
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import TorqueLimit
 from robots.kinematics import place
@@ -57,7 +58,7 @@ def test_targets_obey_the_guards_rules(world, fall, rollouts):
 @pytest.mark.parametrize("by", ["pwm"])
 def test_rollouts_and_checks_run_under_the_torque_limit_as_it_acts(world, fall, database, by):
     """A limited PWM leaves less torque to a servo that turns: the robot goes another way."""
-    limited = DynamicsFilter(world, torque_limit=TorqueLimit(2.0, by))
+    limited = DynamicsFilter(world, PlannerSettings(torque_limit=TorqueLimit(2.0, by)))
     candidate = _candidates(world, fall, database)[0]
     (one,) = limited.roll_out(fall, [candidate])
     starts = place(world.robot, world.model, fall)[None]
@@ -111,7 +112,7 @@ def test_a_check_is_the_share_of_sixteen_and_ends_below_the_least(
     world, fall, monkeypatch, least, falls, share, played
 ):
     """What stood in one world or another is the same as in a check to its end."""
-    checked = DynamicsFilter(world, torque_limit=TorqueLimit(2.0, "current"))
+    checked = DynamicsFilter(world, PlannerSettings(torque_limit=TorqueLimit(2.0, "current")))
     target, sizes, seen = np.tile(fall.joint_pos, (200, 1)), [], []
 
     def compare(_, worlds, motions, *, give_up):
@@ -147,7 +148,7 @@ SLOWDOWN = Slowdown(tolerance=0.15, band=0.15, slowest=0.2)
 def waiting(world, fall, database):
     """A candidate under a limit that is too weak for its speed, without slowdown and with it."""
     candidate = _candidates(world, fall, database)[1]
-    weak = DynamicsFilter(world, torque_limit=WEAK)
+    weak = DynamicsFilter(world, PlannerSettings(torque_limit=WEAK))
     return weak.roll_out(fall, [candidate, replace(candidate, slowdown=SLOWDOWN)])
 
 

@@ -6,6 +6,7 @@ from nonempty import nonempty
 
 from drivers import Twin
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.playback.play import MotionPlayer
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies import plan as plans
@@ -16,8 +17,8 @@ from humanoid_getup.strategies.choice import (
     choose_strategy,
     make_strategy,
 )
-from humanoid_getup.strategies.learned_rise import LearnedRise, PolicyPlan
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
+from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.stored_motion import NearestMotion, StoredMotion
 from robots import TorqueLimit
@@ -35,20 +36,20 @@ LIMIT = TorqueLimit(2.5, "pwm")
     ],
 )
 def test_every_name_makes_a_strategy_under_the_limit(world, database, name, kind):
-    strategy = make_strategy(world, name, torque_limit=LIMIT, database=database)
+    strategy = make_strategy(world, name, PlannerSettings(torque_limit=LIMIT), database=database)
     assert isinstance(strategy, kind)
     assert strategy.world is world
     assert strategy.torque_limit == LIMIT
     if isinstance(strategy, LearnedRise):
         assert (strategy.name, strategy.policy.torque_limit) == (name, LIMIT.value)
     if isinstance(strategy, PlannedRise):
-        assert strategy.options.planning is strategy.options.filtering is (name == PLAN)
+        assert strategy.settings.planning is strategy.settings.filtering is (name == PLAN)
 
 
 def test_a_style_brings_the_policy_that_follows_it(world, supine):
     strategy = choose_strategy(world, "policy", style="side-sit")
     plan = strategy.plan(supine, np.random.default_rng(0))
-    assert isinstance(plan, PolicyPlan)
+    assert isinstance(plan, Plan)
     assert plan.status is RiseStatus.LEARNED
     assert plan.title == "policy styled, style side-sit"
 
@@ -79,9 +80,7 @@ def test_player_preflight_and_report_agree_on_balance(
 ):
     rising = load_database(op3).rising[0]
     motion = rising if rises else find_lying_down(op3)
-    plan = MotionPlan(
-        status=RiseStatus.STORED, motion=motion, simulated=simulated, balanced=balanced
-    )
+    plan = Plan(status=RiseStatus.STORED, motion=motion, tracked=simulated, balanced=balanced)
     strategy = StoredMotion(world, rising)
     given = []
     monkeypatch.setattr(plans, "preflight", lambda *_, **options: given.append(options["balanced"]))
@@ -99,5 +98,5 @@ def test_player_preflight_and_report_agree_on_balance(
     expected = simulated and rises and balanced
     assert given == [expected]
     assert made == [expected]
-    assert plan.figures().balanced is expected
+    assert plan.is_balanced is expected
     assert (plan.open_loop() is None) is not expected

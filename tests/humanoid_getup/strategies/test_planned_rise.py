@@ -9,11 +9,12 @@ from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.preference import Preference
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.strategies.free_rise import FreeRise
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.plan import Plan, RiseStatus
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.rise_search import FoundRise
 from robots import TorqueLimit
 from robots.kinematics import place
@@ -28,18 +29,15 @@ def test_a_supine_fall_is_planned_and_stands(plan):
     assert plan.status is RiseStatus.STOOD
     assert plan.planned
     assert plan.robust >= 0.8
-    assert 1.0 < plan.stand_time < 8.0
+    assert 1.0 < plan.rollout.stand_time < 8.0
 
 
 def test_a_plan_says_where_the_robot_lay_and_what_its_rollout_took(plan):
     assert plan.motion.start_class == "supine"
-    search = plan.search
-    assert (search.prefer, search.budget, search.simulated) == ("time", 600.0, 0)
-    assert search.outcome.stand_time == pytest.approx(plan.stand_time)
-    assert 0.3 < search.outcome.rms_torque < search.outcome.peak_torque <= 4.1
-    figures = plan.figures()
-    assert figures.rollout.rms_torque_nm == float(search.outcome.rms_torque)
-    assert figures.rollout_before_improvement is None
+    settings = plan.settings
+    assert (settings.prefer, settings.search_budget, plan.searched) == ("time", 600.0, 0)
+    assert 0.3 < plan.rollout.rms_torque < plan.rollout.peak_torque <= 4.1
+    assert plan.before is None
     assert str(plan).startswith(f"{plan.title}: a rollout ends in a held stand, stands in ")
 
 
@@ -91,7 +89,9 @@ def test_a_plan_that_is_cancelled_ends_with_the_step(world, database, supine, st
 def test_a_plan_that_falls_says_what_may_help(
     world, database, supine, monkeypatch: pytest.MonkeyPatch, limit, searched: float, advice: str
 ):
-    planner = PlannedRise(world, database, torque_limit=TorqueLimit(limit), search_budget=60.0)
+    planner = PlannedRise(
+        world, database, PlannerSettings(torque_limit=TorqueLimit(limit), search_budget=60.0)
+    )
 
     def search(*_: object) -> FoundRise:
         planner.filter.searched += searched
@@ -130,7 +130,7 @@ def test_an_interrupted_plan_says_what_it_has_found(world, database, supine, mon
 
 
 def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, supine):
-    raw = PlannedRise(world, database, options=PlannerOptions(filtering=False)).plan(
+    raw = PlannedRise(world, database, PlannerSettings(filtering=False)).plan(
         supine, np.random.default_rng(0)
     )
     assert raw.status is RiseStatus.UNFILTERED
@@ -142,10 +142,10 @@ def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, data
 
 @pytest.mark.slow  # half a minute
 def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, supine):
-    planner = PlannedRise(world, database, torque_limit=TorqueLimit(0.15))
+    planner = PlannedRise(world, database, PlannerSettings(torque_limit=TorqueLimit(0.15)))
     weak = planner.plan(supine, np.random.default_rng(0))
     assert weak.status is RiseStatus.FELL
-    assert not isinstance(weak, MotionPlan)
+    assert not isinstance(weak, Plan)
     assert weak.title == ""
     assert "neck" in weak.reason
 
@@ -154,13 +154,13 @@ def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, su
 def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
     world, database, plan, supine
 ):
-    planner = PlannedRise(world, database, prefer="torque", search_budget=200.0)
+    planner = PlannedRise(world, database, PlannerSettings(prefer="torque", search_budget=200.0))
     gentle = planner.plan(supine, np.random.default_rng(1))
     assert gentle.robust >= plan.robust
-    assert gentle.search.simulated > 0.0
-    assert gentle.search.before is not None
+    assert gentle.searched > 0.0
+    assert gentle.before is not None
     weigh = Preference.of("torque").cost
-    assert weigh(gentle.search.outcome) < weigh(gentle.search.before)
+    assert weigh(gentle.rollout) < weigh(gentle.before)
 
     start = place(world.robot, world.model, supine)[None]
     nominal = Scenarios(starts=start, parameters=DomainParameters.nominal(world, 1))
@@ -180,4 +180,4 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
 )
 def test_a_wrong_preference_or_budget_is_refused(world, database, options, message):
     with pytest.raises(ValueError, match=message):
-        PlannedRise(world, database, **options)
+        PlannedRise(world, database, PlannerSettings(**options))

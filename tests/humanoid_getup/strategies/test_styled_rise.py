@@ -9,15 +9,15 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise, StyledRise, read_curves
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from robots import Robot
 
 
 @dataclass
 class Planner:
-    made: RisePlan
+    made: Plan
 
-    def plan(self, _start, _rng) -> RisePlan:
+    def plan(self, _start, _rng) -> Plan:
         return self.made
 
 
@@ -31,11 +31,11 @@ def learned(world: World) -> LearnedRise:
     return LearnedRise(world, "styled")
 
 
-def plan_of(motion: Motion) -> MotionPlan:
-    return MotionPlan(status=RiseStatus.STOOD, motion=motion, planned=True, plan_s=0.5)
+def plan_of(motion: Motion) -> Plan:
+    return Plan(status=RiseStatus.STOOD, motion=motion, planned=True, plan_s=0.5)
 
 
-def rise(learned: LearnedRise, made: RisePlan, start) -> RisePlan:
+def rise(learned: LearnedRise, made: Plan, start) -> Plan:
     return StyledRise(learned, Planner(made)).plan(start, np.random.default_rng(0))
 
 

@@ -18,7 +18,7 @@ from humanoid_getup.commands.main import main
 from humanoid_getup.experiments.falls import CLASSES, Fall, FallSet
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.progress.callback import Progress
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.storage.encoding import to_json
@@ -72,8 +72,8 @@ def test_falls_without_a_plan_follow_the_nearest_style_and_are_not_counted_as_pl
     op3: Robot, monkeypatch: pytest.MonkeyPatch
 ):
     motion = next(m for m in load_database(op3).motions if m.name == "prone_push_up_fast")
-    found = MotionPlan(status=RiseStatus.STOOD, motion=motion)
-    plans = iter([found, RisePlan(status=RiseStatus.NOT_PLANNED), None, found])
+    found = Plan(status=RiseStatus.STOOD, motion=motion)
+    plans = iter([found, Plan(status=RiseStatus.NOT_PLANNED), None, found])
     monkeypatch.setattr(PlannedRise, "plan", lambda *_: next(plans))
     result = evaluate(EvaluateRequest(policy="styled", n=4, style="planned,nearest"))
     planned, nearest = json.loads(to_json(result))["cases"].values()

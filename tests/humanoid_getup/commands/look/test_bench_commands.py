@@ -11,7 +11,7 @@ from run_getup import Run
 
 from humanoid_getup.benchmarks import rise
 from humanoid_getup.commands.look.bench_rise import BenchRise, benchmark
-from humanoid_getup.execution.result import AttemptStatus, RiseResult
+from humanoid_getup.execution.rise import AttemptStatus, Rise
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.storage.encoding import to_json
@@ -80,11 +80,11 @@ def test_interrupted_rises_are_resumed_from_their_ledger(monkeypatch: pytest.Mon
     """Of robots that stay where they lie."""
     risen = list[int]()
 
-    def stay(strategy: PlannedRise, piece: rise.RisePiece) -> RiseResult:
+    def stay(strategy: PlannedRise, piece: rise.RisePiece) -> Rise:
         risen.append(piece.number)
         if len(risen) == 6:
             raise KeyboardInterrupt
-        return RiseResult(
+        return Rise(
             robot=strategy.world.robot,
             start_class=piece.fall.start_class,
             status=AttemptStatus.NEEDS_HELP,

@@ -1,9 +1,10 @@
+from types import SimpleNamespace
+
 import pytest
 
 from humanoid_getup.experiments.judging.summary import (
     Quantiles,
     RiseSummary,
-    SummarizedRise,
     summarize,
     wilson_interval,
 )
@@ -24,9 +25,12 @@ def test_a_summary_leaves_out_what_is_no_number():
 
 
 def test_rises_are_counted():
+    nothing = dict.fromkeys(RiseSummary.__struct_fields__)
     rises = [
-        SummarizedRise(stood=True, planned=True, stand_time_s=2.0, self_collisions=2),
-        SummarizedRise(stood=False, planned=True, self_collisions=1),
+        SimpleNamespace(
+            **nothing | {"stood": True, "planned": True, "stand_time_s": 2.0, "self_collisions": 2}
+        ),
+        SimpleNamespace(**nothing | {"stood": False, "planned": True, "self_collisions": 1}),
     ]
     summary = RiseSummary.of(rises)
     assert (summary.n, summary.planned, summary.stood) == (2, 2, 1)

@@ -9,20 +9,23 @@ from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, find_motion
 from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.posture_chains.chain_search import ChainSearch
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import MotionFinder
 from humanoid_getup.strategies.free_rise import FreeRise
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
+from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
+from robots import Posture, Robot, TorqueLimit
 from robots.body.limbs import Limbs
 from robots.body.squats import list_squats
 from robots.body.statics import Statics
 from robots.kinematics import read_posture
 
 pytestmark = pytest.mark.usefixtures("known_ways_up")
+
+ONE_THREAD = PlannerSettings(threads=1)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +45,7 @@ def test_motions_begin_where_the_robot_is_and_stand_the_shortest_first(world, sq
         self.untried.append(chain)
 
     monkeypatch.setattr(ChainSearch, "advance", find_chain)
-    finder = MotionFinder(world, FULL_TORQUE, threads=1)
+    finder = MotionFinder(world, ONE_THREAD)
     found = finder.find(squat, 1e6, np.random.default_rng(0))
     motions = [connection.motion for connection in found]
     assert len(motions) >= 2
@@ -55,11 +58,11 @@ def test_motions_begin_where_the_robot_is_and_stand_the_shortest_first(world, sq
 
 
 def test_what_cannot_rise_is_not_searched(world: World, tiny: Robot, squat: Posture):
-    finder = MotionFinder(world, TorqueLimit(0.6), threads=1)
+    finder = MotionFinder(world, PlannerSettings(torque_limit=TorqueLimit(0.6), threads=1))
     assert finder.find(squat, 1e6, np.random.default_rng(0)) == []
     assert finder.simulated == 0.0
     small = World(tiny)
-    finder = MotionFinder(small, FULL_TORQUE, threads=1)
+    finder = MotionFinder(small, ONE_THREAD)
     assert finder.find(tiny.standing, 1e6, np.random.default_rng(0)) == []
 
 
@@ -71,7 +74,7 @@ def test_a_search_ends_with_its_budget(world, supine, monkeypatch):
         self._player.simulated += 1000.0
 
     monkeypatch.setattr(ChainSearch, "advance", spend)
-    finder = MotionFinder(world, FULL_TORQUE, threads=1)
+    finder = MotionFinder(world, ONE_THREAD)
     assert finder.find(supine, 10_000.0, np.random.default_rng(0)) == []
     assert len(advanced) in (9, 10)  # some time went into the ways up
     assert 10_000.0 <= finder.simulated < 11_000.0
@@ -87,14 +90,16 @@ def test_a_plan_whose_stored_motions_fail_goes_on_with_a_found_one(world, op3, m
         return [Connection(replace(known, name="found", strategy="found, over sit"), 0, 0.0)]
 
     prone = find_motion(op3, "prone_push_up_fast")
-    planner = PlannedRise(world, MotionDatabase([prone], PostureMetric.of(op3)), search_budget=5.0)
+    planner = PlannedRise(
+        world, MotionDatabase([prone], PostureMetric.of(op3)), PlannerSettings(search_budget=5.0)
+    )
     monkeypatch.setattr(FreeRise, "_try_first", lambda *_: False)
     monkeypatch.setattr(FreeRise, "_try_second", lambda *_: None)
     monkeypatch.setattr(MotionFinder, "find", find)
     plan = planner.plan(lying, np.random.default_rng(0))
     assert asked == [(lying, 100.0)]
     assert plan.status is RiseStatus.STOOD
-    assert isinstance(plan, MotionPlan)
+    assert isinstance(plan, Plan)
     assert plan.title == "rise_by_found"
     assert plan.label == "found, over sit"
 

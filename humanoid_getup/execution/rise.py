@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from typing import Literal
 
+import msgspec
 from msgspec import UNSET, UnsetType
 from msgspec.structs import asdict
 
@@ -15,10 +17,11 @@ from drivers.errors import UnreleasedError
 from humanoid_getup.execution.after_stand import AfterFigures, AfterStand, HandOver
 from humanoid_getup.experiments.judging.outcome import JointFigures, Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
-from humanoid_getup.experiments.judging.summary import SummarizedRise
+from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.playback.monitors import Abort
 from humanoid_getup.playback.preflight import Verdict
-from humanoid_getup.strategies.plan import PlanFigures, RisePlan, RiseStatus
+from humanoid_getup.strategies.plan import KeyFigures, Plan, RiseStatus
+from humanoid_getup.style.curve_tracker import StyleFigures
 from robots import Robot
 
 
@@ -35,7 +38,7 @@ class AttemptStatus(Enum):
 class PlayedMove:
     """A move to a place with room to rise, as played."""
 
-    plan: RisePlan
+    plan: Plan
     outcome: Outcome
 
 
@@ -47,7 +50,7 @@ class Attempt:
     """From 1."""
     start_class: str | None = None
     """Class of its start; None if it did not come to rest."""
-    plan: RisePlan | None = None
+    plan: Plan | None = None
     verdict: Verdict | None = None
     """Verdict of the preflight."""
     run: RunReport | None = None
@@ -66,11 +69,11 @@ class Attempt:
     """The joints that did not confirm that their torque is off; None if all did."""
     moves: tuple[PlayedMove, ...] = ()
     """Moves that were played before."""
-    refused: tuple[RisePlan, ...] = ()
+    refused: tuple[Plan, ...] = ()
     """Plans that the preflight refused and that were made again."""
 
     @property
-    def plans(self) -> tuple[RisePlan, ...]:
+    def plans(self) -> tuple[Plan, ...]:
         """Return all plans that were made, the last one last."""
         moves = (move.plan for move in self.moves)
         return (*moves, *self.refused, *([self.plan] if self.plan else []))
@@ -107,10 +110,48 @@ class Attempt:
         return f"held no stand: {self.outcome.stand.hold_time:.1f} s of {HOLD_TIME:.1f} s"
 
 
-@dataclass(frozen=True, kw_only=True)
-class RiseFigures(PlanFigures, SummarizedRise):
-    """The figures of a rise, under report.json's keys."""
+class RolloutFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """A planned rise in its own rollout."""
 
+    stand_time_s: float
+    peak_torque_nm: float
+    peak_braking_torque_nm: float
+    rms_torque_nm: float
+    neck_delta_v_m_s: float | None
+    self_overlap_m: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RiseFigures(StyleFigures):
+    """The figures of a rise, under report.json's keys; None if it did not get that far."""
+
+    planned: bool
+    stood: bool | None
+    stand_time_s: float | None = None
+    plan_s: float
+    filter_s: float
+    torque_use: float | None = None
+    peak_torque_nm: float | None = None
+    rms_torque_nm: float | None = None
+    head_impact_m_s: float | None = None
+    self_collisions: int | None = None
+    ground_penetrations: int | None = None
+    limit_violations: int | None = None
+    clips: int
+    rollouts: int
+    rounds: int
+    robust: float | None
+    connection: str | None
+    strategy: str | None
+    policy: str | None
+    style: str | None
+    balanced: bool | None
+    keys: list[KeyFigures]
+    prefer: PreferenceName | None
+    search_budget_s: float | None
+    searched_s: float | None
+    rollout: RolloutFigures | None
+    rollout_before_improvement: RolloutFigures | None
     start_class: str | None
     reason: str
     hold_s: float | None
@@ -140,7 +181,7 @@ class RiseFigures(PlanFigures, SummarizedRise):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RiseResult:
+class Rise:
     """How getting up ended. Plan, run and outcome are those of the last attempt."""
 
     robot: Robot
@@ -177,10 +218,10 @@ class RiseResult:
         return self.status is AttemptStatus.STOOD
 
     @property
-    def plan(self) -> RisePlan:
+    def plan(self) -> Plan:
         """Return the last plan."""
         plan = self.attempts[-1].plan if self.attempts else None
-        return plan or RisePlan(status=RiseStatus.NOT_PLANNED)
+        return plan or Plan(status=RiseStatus.NOT_PLANNED)
 
     @property
     def run(self) -> RunReport | None:
@@ -214,17 +255,32 @@ class RiseResult:
 
     def figures(self) -> RiseFigures:
         """Return the figures of the rise."""
-        run, outcome, attempts = self.run, self.outcome, self.attempts
+        run, outcome, attempts, plan = self.run, self.outcome, self.attempts, self.plan
         plans = attempts[-1].plans if attempts else ()
         moves = [move.outcome for attempt in attempts for move in attempt.moves]
         impacts = [float(o.head_impact) for o in moves if o.head_impact is not None]
-        known = vars(self.plan.figures()) | {
-            "plan_s": sum(plan.plan_s for plan in plans),
-            "filter_s": sum(plan.filter_s for plan in plans),
-        }
+        joined = plan.connection and plan.connection.motion
+        settings, policy = plan.settings, plan.policy
         make = partial(
             RiseFigures,
-            **known,
+            **(vars(policy.followed.figures()) if policy and policy.followed else {}),
+            planned=plan.planned,
+            plan_s=sum(plan.plan_s for plan in plans),
+            filter_s=sum(plan.filter_s for plan in plans),
+            rollouts=plan.rollouts,
+            rounds=plan.rounds,
+            robust=None if math.isnan(plan.robust) else plan.robust,
+            connection=joined and joined.name,
+            strategy=joined and joined.strategy,
+            policy=plan.policy_name or None,
+            style=policy and policy.style and policy.style.name,
+            balanced=plan.is_balanced if plan.motion else None,
+            keys=[key.figures for key in plan.keys],
+            prefer=settings and settings.prefer,
+            search_budget_s=settings and settings.search_budget,
+            searched_s=settings and plan.searched,
+            rollout=plan.rollout and plan.rollout.figures(RolloutFigures),
+            rollout_before_improvement=plan.before and plan.before.figures(RolloutFigures),
             start_class=self.start_class,
             stood=self.stood,
             reason=self.reason,

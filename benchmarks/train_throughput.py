@@ -50,7 +50,7 @@ from sim2real.environment.starts import StartPool
 from sim2real.training.config import RECIPES, STEPS, Recipe
 from sim2real.training.library_threads import numpy_threads
 from sim2real.training.styled_training import keep_prior
-from sim2real.training.train import POOL, build_env, build_options, load_pool
+from sim2real.training.train import POOL, Training
 
 PROCESSES = 2
 SPEED_ITERATIONS = 25
@@ -88,9 +88,10 @@ class Task:
             with tempfile.TemporaryDirectory() as name:
                 keep_prior(self.prior, folder := Path(name))
                 self.pool.save(folder / POOL, self.robot)
-                actions = recipe.choose_actions(self.robot)
-                return build_env(self.robot, recipe, actions, 0, folder, threads)
-        options = replace(build_options(self.recipe, threads), robots=robots)
+                training = Training(robot=self.robot, recipe=recipe, folder=folder, threads=threads)
+                return training.build_env()
+        training = Training(robot=self.robot, recipe=self.recipe, folder=Path(), threads=threads)
+        options = replace(training.build_options(), robots=robots)
         actions = self.recipe.choose_actions(self.robot)
         return GetUpEnv(self.robot, actions, StartPool.of(self.pool.qpos), options)
 
@@ -301,7 +302,8 @@ def main(
         raise SystemExit(f"--prior is missing, expected with recipe {recipe}, see `getup prior`")
     loaded = load_robot(robot)
     with tempfile.TemporaryDirectory() as folder:
-        pool = load_pool(loaded, chosen, seed, Path(folder, "falls.npz"))
+        training = Training(robot=loaded, recipe=chosen, seed=seed, folder=Path(folder))
+        pool = training.load_pool()
     every = tuple(WAYS)[: -1 if chosen.style else None]
     task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent, ways or every, seed)
     head: dict[str, object] = {"name": "train_throughput", "recipe": recipe}

@@ -1,4 +1,4 @@
-"""Files and tasks of a training with style curves: prior, rises, curves and terrain."""
+"""Files of a training with style curves, and the named curves that it follows."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from humanoid_getup.policy.action import ActionSpec
@@ -17,16 +16,12 @@ from robots import Robot
 from robots.body.parts import leg_length
 from robots.storage.files import atomic_path
 from sim2real.environment.action_heads import PriorHead
-from sim2real.environment.style_task import StyleTask, build_library
-from sim2real.environment.terrain import Terrain, build_terrain
 from sim2real.pose_prior import PosePrior, RiseSet
-from sim2real.training.config import StyleRecipe
 from sim2real.training.policy_parent import check_decoder, is_policy_file
 
 PRIOR, RISES = "prior.npz", "rises.npz"
 """Files of a pose prior's folder, which a training keeps copies of."""
 DURATIONS, LEGS = (2.5, 5.1, 7.6), 0.9  # s that a person of such legs [m] takes in [Frezzato22]
-TERRAIN_SEED = 7_002  # makes the terrain of training differ from every scene's
 
 
 def check_prior(robot: Robot, prior: Path | None, parent: Path | None, folder: Path) -> Path:
@@ -73,23 +68,6 @@ def load_head(robot: Robot, action: ActionSpec, folder: Path) -> PriorHead:
     return PriorHead(action, PosePrior.load(folder / PRIOR, robot))
 
 
-def build_style_task(
-    robot: Robot,
-    model: mujoco.MjModel,
-    action: ActionSpec,
-    folder: Path,
-    *,
-    robots: int,
-    recipe: StyleRecipe,
-    threads: int,
-) -> StyleTask:
-    """Build the task of a training from the files in its folder."""
-    rises = RiseSet.load(folder / RISES, robot)
-    library = build_library(robot, model, rises, list(list_named_curves(robot)), recipe.named)
-    head = load_head(robot, action, folder)
-    return StyleTask(robot, robots, library, head, threads, height_map=recipe.height_map)
-
-
 def list_named_curves(robot: Robot) -> Iterator[StyleCurves]:
     """List the named styles' curves and their mirror images.
 
@@ -104,8 +82,3 @@ def list_named_curves(robot: Robot) -> Iterator[StyleCurves]:
                 yield timed
                 if not np.allclose(timed.side, np.pi / 2):
                     yield timed.mirrored()
-
-
-def make_terrain(robot: Robot, seed: int) -> Terrain:
-    """Make the terrain of a training."""
-    return build_terrain(robot, np.random.default_rng([seed, TERRAIN_SEED]))

@@ -16,7 +16,7 @@ from torch import nn
 from robots import load_robot
 from sim2real.training.config import Recipe
 from sim2real.training.runner import TrainingRunner
-from sim2real.training.train import TrainingInputs, train
+from sim2real.training.train import Training
 
 TINY = Recipe(
     rewards="quick",
@@ -42,7 +42,7 @@ def main(folder: Path, iterations: int, parent: Path | None) -> None:
 
     TrainingRunner.learn = keep  # type: ignore[method-assign]
     recipe = replace(TINY, iterations=iterations)
-    train(load_robot("op3"), recipe, 0, folder, TrainingInputs(parent=parent))
+    Training(robot=load_robot("op3"), recipe=recipe, folder=folder, parent=parent).run()
     env = runners[0].env.env
     found = note_curricula(runners[0]) | {
         "begun": begun,

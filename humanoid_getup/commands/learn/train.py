@@ -102,7 +102,7 @@ def _train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
     with needing("train"):
         from sim2real.training.config import RECIPES
         from sim2real.training.distributed import DistributedProcess
-        from sim2real.training.train import TrainingInputs, check_inputs, train
+        from sim2real.training.train import Training
     _check_device(request.device)
     if request.physics == "warp":
         monitor.begin("loading mujoco-warp, whose kernels compile for minutes the first time")
@@ -127,13 +127,19 @@ def _train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
         done = each.iteration + 1
         monitor.show(Progress(phase="training", done=done, total=recipe.iterations, note=text))
 
-    inputs = TrainingInputs(
-        parent=parent, prior=prior, device=request.device, threads=request.threads
+    training = Training(
+        robot=robot,
+        recipe=recipe,
+        folder=request.out,
+        seed=request.seed,
+        parent=parent,
+        prior=prior,
+        device=request.device,
+        threads=request.threads,
     )
     with refusing():
         robot.require_imu_site()
-        check_inputs(robot, recipe, request.out, parent, prior, request.device)
-        train(robot, recipe, request.seed, request.out, inputs, note)
+        training.run(note)
     return trained
 
 

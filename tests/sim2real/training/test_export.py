@@ -23,12 +23,12 @@ from humanoid_getup.policy.onnx_file import CHECKSUM_ENTRY, OnnxNetwork, read_mo
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from robots import Robot
 from sim2real.training.checkpoint import CHECKPOINT
-from sim2real.training.config import RECIPE, RECIPES, Recipe, TrainingRecord
+from sim2real.training.config import RECIPES, Recipe, TrainingRecord
 from sim2real.training.export import MOST_BYTES, export_policy
 from sim2real.training.policy_parent import check_policy_parent, is_policy_file
 from sim2real.training.ppo import AVERAGE, UPDATES
 from sim2real.training.runner import build_config
-from sim2real.training.train import write_recipe
+from sim2real.training.train import Training
 
 SEED = 7
 MINE = replace(RECIPES["robust"], hidden=(32, 16))
@@ -59,7 +59,7 @@ def make_blank(training: TrainingRecord, size: int, actions: int):
 
 def make_training(folder: Path, robot: Robot, recipe: Recipe = MINE) -> TrainingRecord:
     folder.mkdir(exist_ok=True)
-    write_recipe(robot, recipe, SEED, folder / RECIPE)
+    Training(robot=robot, recipe=recipe, seed=SEED, folder=folder).write_recipe()
     training = TrainingRecord.load(folder)
     actor = make_actor(training, robot)
     newest = {name: torch.zeros_like(value) for name, value in actor.state_dict().items()}

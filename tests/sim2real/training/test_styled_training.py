@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ from sim2real.training.imitation import find_outputs, imitate
 from sim2real.training.library_threads import torch_threads
 from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.styled_training import PRIOR, RISES
-from sim2real.training.train import POOL, TrainingInputs, train
+from sim2real.training.train import POOL, Training
 
 QUICK = replace(RECIPES["styled-quick"], robots=8, iterations=1, hidden=(16, 16))
 
@@ -63,7 +64,8 @@ def learn(op3: Robot, prior: Path, pool: StartPool, tmp_path: Path):
         folder.mkdir(exist_ok=True)
         if not (folder / POOL).exists():
             pool.save(folder / POOL, op3)
-        train(op3, recipe, 3, folder, TrainingInputs(threads=1, **({"prior": prior} | options)))
+        given: Any = {"prior": prior} | options
+        Training(robot=op3, recipe=recipe, seed=3, folder=folder, threads=1, **given).run()
         return folder
 
     return train_into

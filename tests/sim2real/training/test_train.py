@@ -28,7 +28,7 @@ from sim2real.training.config import RECIPE, Recipe, TrainingRecord
 from sim2real.training.export import export_policy
 from sim2real.training.ppo import AVERAGE
 from sim2real.training.runner import TrainingRunner, build_config
-from sim2real.training.train import PROGRESS, TrainingInputs, train
+from sim2real.training.train import PROGRESS, Training
 
 OVERLAPPED = replace(TINY, overlap=True)
 
@@ -71,14 +71,14 @@ def what_was_learnt(folder: Path) -> list[dict[str, str]]:
 @pytest.fixture(scope="module")
 def unbroken(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("unbroken")
-    train(op3, TINY, 1, folder, TrainingInputs(threads=1))
+    Training(robot=op3, recipe=TINY, seed=1, folder=folder, threads=1).run()
     return folder
 
 
 @pytest.fixture(scope="module")
 def overlapped(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("overlapped")
-    train(op3, OVERLAPPED, 1, folder, TrainingInputs(threads=1))
+    Training(robot=op3, recipe=OVERLAPPED, seed=1, folder=folder, threads=1).run()
     return folder
 
 
@@ -89,7 +89,7 @@ each_way = pytest.mark.parametrize(
 
 @each_way
 def test_one_seed_is_one_policy_on_any_number_of_threads(op3, recipe, whole, tmp_path, request):
-    train(op3, recipe, 1, tmp_path, TrainingInputs(threads=2))
+    Training(robot=op3, recipe=recipe, seed=1, folder=tmp_path, threads=2).run()
     expected = request.getfixturevalue(whole)
     assert_same_policy(expected, tmp_path)
     assert what_was_learnt(expected) == what_was_learnt(tmp_path)
@@ -102,7 +102,7 @@ def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
     record["rewards"]["stands"] = 7.0
     (folder / RECIPE).write_text(json.dumps(record), "utf-8")
     with pytest.raises(match=r"another rewards\.stands \(7\.0, now"):
-        train(op3, TINY, 1, folder, TrainingInputs(threads=1))
+        Training(robot=op3, recipe=TINY, seed=1, folder=folder, threads=1).run()
 
 
 @each_way
@@ -111,16 +111,20 @@ def test_a_killed_training_continues_as_if_nothing_had_happened(
     op3, recipe, whole, tmp_path, request, killed_at
 ):
     with pytest.raises(KilledError):
-        train(op3, recipe, 1, tmp_path, TrainingInputs(threads=1), report=kill_at(killed_at))
-    train(op3, recipe, 1, tmp_path, TrainingInputs(threads=1))
+        Training(robot=op3, recipe=recipe, seed=1, folder=tmp_path, threads=1).run(
+            kill_at(killed_at)
+        )
+    Training(robot=op3, recipe=recipe, seed=1, folder=tmp_path, threads=1).run()
     expected = request.getfixturevalue(whole)
     assert_same_policy(expected, tmp_path)
     assert what_was_learnt(expected) == what_was_learnt(tmp_path)
 
 
 def test_a_training_that_is_done_can_be_given_more_iterations(op3, unbroken, tmp_path):
-    train(op3, replace(TINY, iterations=2), 1, tmp_path, TrainingInputs(threads=1))
-    train(op3, TINY, 1, tmp_path, TrainingInputs(threads=1))
+    Training(
+        robot=op3, recipe=replace(TINY, iterations=2), seed=1, folder=tmp_path, threads=1
+    ).run()
+    Training(robot=op3, recipe=TINY, seed=1, folder=tmp_path, threads=1).run()
     assert_same_policy(unbroken, tmp_path)
 
 
@@ -128,7 +132,9 @@ def test_a_training_that_is_done_can_be_given_more_iterations(op3, unbroken, tmp
 def parent(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A training whose policy moves both sides alike."""
     folder = tmp_path_factory.mktemp("parent")
-    train(op3, replace(TINY, wide=False, iterations=2), 1, folder, TrainingInputs(threads=1))
+    Training(
+        robot=op3, recipe=replace(TINY, wide=False, iterations=2), seed=1, folder=folder, threads=1
+    ).run()
     return folder
 
 
@@ -148,7 +154,14 @@ def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkey
         self.save("")
 
     monkeypatch.setattr(TrainingRunner, "learn", save_and_stop)  # before the first update
-    train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1, parent=parent))
+    Training(
+        robot=op3,
+        recipe=replace(TINY, iterations=1),
+        seed=2,
+        folder=tmp_path,
+        threads=1,
+        parent=parent,
+    ).run()
     old = load_actor(op3, parent, replace(TINY, wide=False))
     new = load_actor(op3, tmp_path, TINY)
     k = len(op3.rising_joints)
@@ -165,7 +178,14 @@ def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkey
 
 
 def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, tmp_path):
-    train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1, parent=parent))
+    Training(
+        robot=op3,
+        recipe=replace(TINY, iterations=1),
+        seed=2,
+        folder=tmp_path,
+        threads=1,
+        parent=parent,
+    ).run()
     message = json.loads((tmp_path / RECIPE).read_text("utf-8"))["parent"]
     digest = hashlib.sha256((parent / CHECKPOINT).read_bytes()).hexdigest()
     assert message == {"recipe": "quick", "seed": 1, "iterations": 2, "sha256": digest}
@@ -174,14 +194,16 @@ def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, t
     assert about == {"parent.recipe": "quick", "parent.seed": 1, "parent.iterations": 2}
     assert [row["iteration"] for row in read_rows(tmp_path)] == ["0"]
     with pytest.raises(match="parent"):
-        train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1))
+        Training(
+            robot=op3, recipe=replace(TINY, iterations=1), seed=2, folder=tmp_path, threads=1
+        ).run()
 
 
 def test_a_policy_file_begins_a_training_on_terrain(op3, unbroken, tmp_path):
     file, folder = tmp_path / "parent.onnx", tmp_path / "rough"
     export_policy(TrainingRecord.load(unbroken), op3, file)
     rough = replace(TINY, terrain=True, falls=2, learning_rate=0.0, iterations=1)
-    train(op3, rough, 2, folder, TrainingInputs(threads=1, parent=file))
+    Training(robot=op3, recipe=rough, seed=2, folder=folder, threads=1, parent=file).run()
     exported = torch.load(unbroken / CHECKPOINT, weights_only=True)[AVERAGE]
     begun = torch.load(folder / CHECKPOINT, weights_only=True)["actor_state_dict"]
     layers = [name for name in exported if name.startswith("mlp.")]
@@ -193,4 +215,4 @@ def test_a_policy_file_begins_a_training_on_terrain(op3, unbroken, tmp_path):
     assert np.bincount(levels).tolist() == [4, 4, 4, 4]
     with pytest.raises(match=r"parent.onnx: it has actions .* expected"):
         narrow, other = replace(rough, wide=False), tmp_path / "other"
-        train(op3, narrow, 2, other, TrainingInputs(threads=1, parent=file))
+        Training(robot=op3, recipe=narrow, seed=2, folder=other, threads=1, parent=file).run()

@@ -24,7 +24,7 @@ from sim2real.environment.starts import (
 )
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.training.config import RECIPES
-from sim2real.training.train import load_pool
+from sim2real.training.train import Training
 
 
 def test_falls_lie_still_within_their_limits(op3, world, falls):
@@ -64,7 +64,8 @@ def test_training_and_evaluation_never_draw_the_same_fall(drops, tiny, tmp_path)
     drops.clear()
     recipe = replace(RECIPES["quick"], falls=4)
     for seed in range(4):
-        load_pool(tiny, recipe, seed, tmp_path / f"{seed}.npz")
+        (folder := tmp_path / str(seed)).mkdir()
+        Training(robot=tiny, recipe=recipe, seed=seed, folder=folder).load_pool()
         make_get_up(1, robot=str(tiny.folder), falls=4, seed=seed, threads=1)
     training = {qpos.tobytes() for qpos in drops}
     assert len(evaluation) >= 4 * 24

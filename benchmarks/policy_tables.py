@@ -35,8 +35,8 @@ from robots.quaternion import Array
 from robots.storage.encoding import to_json, to_plain
 from robots.storage.files import write_atomically
 from sim2real.environment.training_world import MODEL_VARIANTS, build_training_world
-from sim2real.perturbations import Perturbation, PolicyTrial, summarize_rollouts
-from sim2real.policy_evaluation import PolicyRollouts
+from sim2real.evaluation import Perturbation, PolicyTrial
+from sim2real.policy_evaluation import PolicyRollouts, summarize_rollouts
 
 GROUPS: dict[str, dict[str, Perturbation]] = {
     "torque": {

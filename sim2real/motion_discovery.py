@@ -30,7 +30,7 @@ from robots import Robot
 from robots.kinematics import place, read_posture
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
-from sim2real.perturbations import PolicyTrial
+from sim2real.evaluation import PolicyTrial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.outcome import (
     Outcome,
     compute_rms,
@@ -18,6 +19,12 @@ from humanoid_getup.experiments.judging.outcome import (
 )
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import judge
+from humanoid_getup.experiments.judging.summary import (
+    PolicyClasses,
+    PolicySummary,
+    summarize,
+    wilson_interval,
+)
 from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.policy.action import next_target
 from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
@@ -230,3 +237,40 @@ class PolicyRun:
         outputs, self._memory = policy.act(observation)
         action = outputs.astype(float)
         return next_target(robot, policy.action, target, sensed.joint_pos, sensed.gravity, action)
+
+
+def summarize_rollouts(
+    starts: Sequence[Fall], rollouts: PolicyFigures, classes: Sequence[str]
+) -> PolicyClasses:
+    """Summarize by class and over all: counts, intervals, times [s], load, impact."""
+    kinds = np.array([fall.start_class for fall in starts])
+    outcome, error = rollouts.outcome, rollouts.style_error
+    unknown = np.full(len(kinds), np.nan)
+    columns = {
+        "stand_time_s": outcome.stand_time,
+        "rms_torque_nm": np.where(outcome.stood, outcome.rms_torque, np.nan),
+        "peak_torque_nm": outcome.peak_torque,
+        "peak_braking_torque_nm": outcome.peak_braking_torque,
+        "head_impact_m_s": unknown if outcome.head_impact is None else outcome.head_impact,
+        "height_error": error[:, 0],
+        "angle_error_deg": np.degrees(error[:, 1:].mean(axis=1)),
+        "restarts": rollouts.restarts.astype(float),
+        "standing_joint_speed_rad_s": outcome.standing_speed,
+    }
+    everyone = np.ones(len(kinds), dtype=bool)
+    return PolicyClasses(
+        classes={name: _summarize_rows(outcome.stood, columns, kinds == name) for name in classes},
+        all=_summarize_rows(outcome.stood, columns, everyone),
+    )
+
+
+def _summarize_rows(
+    stood: NDArray[np.bool_], columns: dict[str, Array], rows: NDArray[np.bool_]
+) -> PolicySummary:
+    n, successes = int(rows.sum()), int(stood[rows].sum())
+    return PolicySummary(
+        n=n,
+        stood=successes,
+        stood_interval_95=wilson_interval(successes, n),
+        **{name: summarize(values[rows]) for name, values in columns.items()},
+    )

@@ -18,12 +18,18 @@ from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.style.style import load_any_style
 from robots import Robot
 from robots.kinematics import place
-from sim2real import perturbations
+from sim2real import evaluation
 from sim2real.environment.env_options import ObservationNoise
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.environment.training_world import MODEL_VARIANTS, build_training_world
-from sim2real.perturbations import Perturbation, PolicyTrial, summarize_rollouts
-from sim2real.policy_evaluation import PolicyFigures, PolicyRollouts, PolicyRun, RunningOutcome
+from sim2real.evaluation import Perturbation, PolicyTrial
+from sim2real.policy_evaluation import (
+    PolicyFigures,
+    PolicyRollouts,
+    PolicyRun,
+    RunningOutcome,
+    summarize_rollouts,
+)
 
 
 def idle(action: ActionSpec) -> Callable[[np.ndarray], np.ndarray]:
@@ -203,7 +209,7 @@ def test_robots_are_simulated_in_chunks_and_joined(
     trial = try_idle(op3, action, duration=0.2)
     starts = [op3.standing] * 3
     whole = trial.run(starts)
-    monkeypatch.setattr(perturbations, "CHUNK", 2)
+    monkeypatch.setattr(evaluation, "CHUNK", 2)
     joined = trial.run(starts, reports.append)
     assert reports == [2, 1]
     for name in ("qpos", "target", "features", "style_error", "restarts"):

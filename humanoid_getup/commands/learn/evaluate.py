@@ -225,8 +225,7 @@ def _split(option: str, text: str, noun: str) -> list[str]:
 
 
 def _load_policy(request: EvaluateRequest, limit: TorqueLimit) -> EvaluatedPolicy:
-    from sim2real.evaluation import EvaluatedPolicy
-    from sim2real.perturbations import Perturbation
+    from sim2real.evaluation import EvaluatedPolicy, Perturbation
 
     imu_tilt, gyro_bias = math.radians(request.imu_tilt), math.radians(request.gyro_bias)
     perturbation = Perturbation(
@@ -298,7 +297,7 @@ def _count_pieces(
     request: EvaluateRequest, names: Sequence[str], styles: Sequence[str | None]
 ) -> int:
     """Count the pieces of all rollouts."""
-    from sim2real.perturbations import CHUNK
+    from sim2real.evaluation import CHUNK
 
     each = request.n // len(CLASSES)
     random = [is_random(name) and request.falls is None for name in names]
@@ -353,11 +352,10 @@ class _Rollouts:
     def evaluate(self, grounds: Grounds, style: str | None, label: str) -> EvaluatedCase:
         """Let the policy get up from all falls in a scene, in a style."""
         from sim2real.evaluation import cut_falls
-        from sim2real.perturbations import CHUNK, summarize_rollouts
-        from sim2real.policy_evaluation import join_rollouts
+        from sim2real.policy_evaluation import join_rollouts, summarize_rollouts
 
         file = style and make_absolute(style)
-        pieces = cut_falls(grounds, file, most=CHUNK, seed=self.request.seed)
+        pieces = cut_falls(grounds, file, self.request.seed)
         found = self._roll_out(pieces, f"rises ({label})")
         falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
         rises = join_rollouts(found)

@@ -22,7 +22,7 @@ from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.storage.encoding import to_json
-from sim2real import perturbations
+from sim2real import evaluation
 
 
 @pytest.fixture
@@ -73,7 +73,8 @@ def test_falls_without_a_plan_follow_the_nearest_style_and_are_not_counted_as_pl
 ):
     motion = next(m for m in load_database(op3).motions if m.name == "prone_push_up_fast")
     found = Plan(status=RiseStatus.STOOD, motion=motion)
-    plans = iter([found, Plan(status=RiseStatus.NOT_PLANNED), None, found])
+    none = Plan(status=RiseStatus.NOT_PLANNED)
+    plans = iter([found, none, none, found])
     monkeypatch.setattr(PlannedRise, "plan", lambda *_: next(plans))
     result = evaluate(EvaluateRequest(policy="styled", n=4, style="planned,nearest"))
     planned, nearest = json.loads(to_json(result))["cases"].values()
@@ -92,7 +93,7 @@ def test_rises_and_what_is_random_about_them_do_not_depend_on_the_workers(
     pytest.importorskip(package)
     shutil.copy(REPOSITORY / "robots" / "op3" / "policies" / "robust.onnx", tmp_path / "mine.onnx")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(perturbations, "CHUNK", 4)  # two pieces of level ground
+    monkeypatch.setattr(evaluation, "CHUNK", 4)  # two pieces of level ground
     done: dict[str, float] = {}
 
     def report(progress: Progress) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from humanoid_getup.experiments.disturbances import Disturbance, RandomAxis
 from humanoid_getup.experiments.falls import CLASSES, Fall, FallSet, sample_fall_set
+from humanoid_getup.experiments.judging.record import combine_arrays
 from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.policy.style_follower import StyleChoice
@@ -41,7 +42,6 @@ from sim2real.policy_evaluation import (
     PolicyFigures,
     PolicyRollouts,
     PolicyRun,
-    join_rollouts,
 )
 
 PHYSICS_STEP = 0.002  # s, the twin's
@@ -125,7 +125,7 @@ class PolicyTrial:
             self._roll_out(world, first, starts[first : first + CHUNK], rng, report)
             for first in range(0, len(starts), CHUNK)
         ]
-        return join_rollouts(rollouts)
+        return combine_arrays(rollouts, np.concatenate)
 
     def _build_world(self) -> World:
         """Build the world with the perturbations of the model."""

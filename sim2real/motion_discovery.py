@@ -151,57 +151,18 @@ class Replay:
         return compute_share(self.stood, FIRST)
 
 
-class Replayer:
-    """Replays learned rises of one robot in one scene open loop."""
-
-    def __init__(self, world: World, seed: int, *, threads: int = 0) -> None:
-        """Draw the disturbances from a seed, the same for all rises, for comparison."""
-        self._world, self._seed = world, seed
-        self._experiment = Experiment(world, threads=threads)
-        self.torque_limit = LIMIT_SHARE * float(world.robot.max_torque.max())
-        """Torque limit under which motions must stand [N·m]."""
-
-    def play(self, rise: PolicyRise, smoothing: float, count: int) -> Replay:
-        """Replay a rise smoothed with a standard deviation [s], in a number of rollouts."""
-        return self._play(rise, shape(self._world.robot, rise, smoothing), count)
-
-    def repeat(self, replay: Replay, count: int) -> Replay:
-        """Replay a rise again in a number of rollouts."""
-        return self._play(replay.rise, replay.target, count)
-
-    def _play(self, rise: PolicyRise, target: Array, count: int) -> Replay:
-        world, period = self._world, self._world.robot.control_period
-        held = hold_last(target, len(target) + round((HOLD_TIME + period) / period))
-        rng = np.random.default_rng([self._seed, count])
-        scenarios = make_scenarios(world, rise.start, self.torque_limit, count, USUAL, rng)
-        record = self._experiment.play(scenarios, [held] * count)
-        outcome = Outcome(record, world.robot)
-        return Replay(
-            rise=rise,
-            target=target,
-            stood=outcome.stood,
-            qpos=outcome.qpos[0],
-            stand_time=float(outcome.stand_time[0]),
-            rms_torque=float(outcome.rms_torque[0]),
-        )
-
-
 def group_rises(world: World, rises: Sequence[Replay]) -> list[list[Replay]]:
     """Group rises that pass the same postures with similar joint angles."""
     groups: dict[tuple[str, int], list[Replay]] = {}
     namer, joints = KindNamer(world), world.robot.layout(world.model).qpos
     labels = label_ways([sample_rows(_until_stand(world, each)[:, joints]) for each in rises])
     for each, label in zip(rises, labels, strict=True):
-        groups.setdefault((_name(namer, world, each), label), []).append(each)
+        groups.setdefault((name_kind(namer, world, each), label), []).append(each)
     return list(groups.values())
 
 
-def name_kind(world: World, rise: Replay) -> str:
+def name_kind(namer: KindNamer, world: World, rise: Replay) -> str:
     """Name the postures that a robot passes on its way up."""
-    return _name(KindNamer(world), world, rise)
-
-
-def _name(namer: KindNamer, world: World, rise: Replay) -> str:
     passed = namer.name(_until_stand(world, rise), rise.rise.start_class)
     return "learned" + (f", over {passed}" if passed else "")
 
@@ -240,7 +201,8 @@ class MotionDiscovery:
         """Prepare to search in a scene; a seed makes it reproducible."""
         self._world, self._policy, self._seed = world, policy, seed
         self._policy_name = policy_name
-        self._replayer = Replayer(world, seed)
+        self._experiment = Experiment(world)
+        self._torque_limit = LIMIT_SHARE * float(world.robot.max_torque.max())  # N·m
 
     def search(
         self,
@@ -273,10 +235,29 @@ class MotionDiscovery:
     def _replay(self, rise: PolicyRise) -> list[Replay]:
         """Replay a rise as smooth as it still stands, in more worlds; None if it never stands."""
         for smoothing in SMOOTHINGS:
-            tried = self._replayer.play(rise, smoothing, FIRST)
+            tried = self.play(rise, shape(self._world.robot, rise, smoothing), FIRST)
             if tried.stood.all():
-                return [self._replayer.repeat(tried, MORE)]
+                return [self.play(rise, tried.target, MORE)]
         return []
+
+    def play(self, rise: PolicyRise, target: Array, count: int) -> Replay:
+        """Replay targets of a rise (T, n) open loop in a number of rollouts.
+
+        All rises are replayed in the same disturbed worlds, for comparison.
+        """
+        world, period = self._world, self._world.robot.control_period
+        held = hold_last(target, len(target) + round((HOLD_TIME + period) / period))
+        rng = np.random.default_rng([self._seed, count])
+        scenarios = make_scenarios(world, rise.start, self._torque_limit, count, USUAL, rng)
+        outcome = Outcome(self._experiment.play(scenarios, [held] * count), world.robot)
+        return Replay(
+            rise=rise,
+            target=target,
+            stood=outcome.stood,
+            qpos=outcome.qpos[0],
+            stand_time=float(outcome.stand_time[0]),
+            rms_torque=float(outcome.rms_torque[0]),
+        )
 
     def _judge(self, replayed: Sequence[Replay], most: int) -> list[Replay]:
         """Replay the best of each kind in all disturbed worlds; return the best first."""
@@ -284,7 +265,8 @@ class MotionDiscovery:
         turns = max((len(group) for group in groups), default=0)
         in_turn = [group[k] for k in range(turns) for group in groups if k < len(group)]
         finalists = sorted(in_turn[: FINALISTS * most], key=_rank)
-        return sorted((self._replayer.repeat(each, ALL) for each in finalists), key=_rank)
+        judged = (self.play(each.rise, each.target, ALL) for each in finalists)
+        return sorted(judged, key=_rank)
 
     def _record(self, judged: Sequence[Replay], side: LyingSide, most: int) -> list[Motion]:
         """Record the best robust rise of each kind that passes the preflight."""
@@ -309,13 +291,13 @@ class MotionDiscovery:
             replay.qpos,
             name=name,
             start_class=replay.rise.start_class,
-            strategy=name_kind(world, replay),
+            strategy=name_kind(KindNamer(world), world, replay),
             provenance={
                 "program": "getup motions discover",
                 "policy": self._policy_name,
                 "seed": self._seed,
                 "disturbed_success": replay.share,
-                "torque_limit": self._replayer.torque_limit,
+                "torque_limit": self._torque_limit,
                 "stand_time_s": replay.stand_time,
             },
         )

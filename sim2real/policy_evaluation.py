@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,18 +145,6 @@ class PolicyRollouts(PolicyFigures):
     """Targets of the servos at the end of each policy step [rad], (N, S, n)."""
     features: Array
     """Style features at the end of each policy step, (N, S, 3)."""
-
-
-def join_rollouts(parts: Sequence[Any]) -> Any:
-    """Join rollouts, or figures of them, along the robots: every array by its first axis."""
-    joined = {}
-    for name in [each.name for each in fields(parts[0])]:
-        values = [getattr(part, name) for part in parts]
-        if is_dataclass(values[0]):
-            joined[name] = join_rollouts(values)
-        elif values[0] is not None:
-            joined[name] = np.concatenate(values)
-    return replace(parts[0], **joined)
 
 
 @dataclass(kw_only=True, eq=False)

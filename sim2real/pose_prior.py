@@ -174,6 +174,7 @@ def _read_network(arrays: dict[str, Array], name: str, inputs: int, outputs: int
 
 POLICY_SOURCE = "policy: "  # begins the source of a rise by a policy, before its name
 PERIOD = 0.048  # s between two frames of a rise
+LEAST_STD = 0.02  # rad, for joints and features that hardly change in the rises
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,7 +222,7 @@ class RiseSet:
         """Return the model whose positions the frames are: the robot alone."""
         return self.robot.spec().compile()
 
-    @property
+    @cached_property
     def joint_pos(self) -> Array:
         """Return the joint angles of all frames [rad], (F, n)."""
         return self.qpos[:, self.robot.layout(self.model).qpos]
@@ -230,6 +231,30 @@ class RiseSet:
     def features(self) -> Array:
         """Return the style features of all frames, (F, 3)."""
         return measure_features(self.robot, self.model, self.qpos)
+
+    @cached_property
+    def pos_mean(self) -> Array:
+        """Return the mean of the joint angles and their mirror images [rad], (n,)."""
+        return self.robot.symmetrize(self.joint_pos.mean(axis=0))
+
+    @cached_property
+    def pos_std(self) -> Array:
+        """Return the standard deviation of the same [rad], (n,)."""
+        squares = np.mean((self.joint_pos - self.pos_mean) ** 2, axis=0)
+        both = 0.5 * (squares + squares[self.robot.mirror_index])
+        return np.maximum(np.sqrt(both), LEAST_STD)
+
+    @cached_property
+    def feature_mean(self) -> Array:
+        """Return the mean of the features and their mirror images, (3,)."""
+        mean = self.features.mean(axis=0)
+        return 0.5 * (mean + mirror_features(mean))
+
+    @cached_property
+    def feature_std(self) -> Array:
+        """Return the standard deviation of the same, (3,)."""
+        squares = np.mean((self.features - self.feature_mean) ** 2, axis=0)
+        return np.maximum(np.sqrt(squares), LEAST_STD)
 
     def duration(self, rise: int) -> float:
         """Return how long a rise lasts [s]."""

@@ -203,9 +203,7 @@ class Disturbance:
     ) -> DomainParameters:
         """Draw the domain parameters of n robots; a constant quantity draws nothing."""
         robot = world.robot
-        p = DomainParameters.nominal(
-            world, n, voltage=self.voltage, torque_limit=limit.value, limit_by=limit.by
-        )
+        p = DomainParameters.nominal(world, n, torque_limit=limit.value, limit_by=limit.by)
         p.torque_limit[:] *= draw(self.torque_share, rng, n)
         p.strength[:] = draw(self.strength, rng, n, robot.n)
         if self.weak_share > 0.0 and self.weak_servo != 1.0:
@@ -229,6 +227,8 @@ class Disturbance:
             p.friction[:] = of_ground * (world.scene.surface.friction / GROUND_FRICTION)
         if self.voltage is None:
             p.voltage[:] = draw(self.supply, rng, n) * robot.supply_voltage
+        else:
+            p.voltage[:] = self.voltage
         if self.by_pwm > 0.0:
             p.limit_by[rng.random(n) < self.by_pwm] = PWM
         p.friction_loss[:] = draw(self.friction_loss, rng, n)

@@ -24,6 +24,7 @@ from robots.kinematics import lowest_point, place, read_posture
 from robots.posture import MAX_DISTANCE
 from robots.quaternion import Array
 from robots.storage.arrays import load_arrays, save_arrays, to_numbers, to_text
+from robots.storage.files import describe
 from robots.storage.validation import outside, shown
 
 CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)
@@ -198,16 +199,6 @@ COUNT_KEYS = ("dropped", "left_out")
 """Keys that older files of falls do not have."""
 
 
-class FallSetError(ValueError):
-    """A file does not hold falls of the robot; the message is one line."""
-
-    def __init__(self, file: Path, reason: str) -> None:
-        super().__init__(
-            f"falls {file}: {reason} (expected: an .npz that `getup eval` wrote with --falls)"
-        )
-        self.file, self.reason = file, reason
-
-
 @dataclass(frozen=True, kw_only=True)
 class FallSet:
     """Falls of one robot, and how they were sampled."""
@@ -251,14 +242,18 @@ class FallSet:
         save_arrays(file, arrays)
 
     @staticmethod
-    def load(file: Path, robot: Robot) -> FallSet:
-        """Read a robot's falls."""
+    def load(file: Path, robot: Robot, scene: str = "") -> FallSet:
+        """Read a robot's falls, in a scene if its name is given."""
         try:
-            return _read_falls(load_arrays(file, FALL_KEYS, optional=COUNT_KEYS), robot)
-        except OSError as error:
-            raise FallSetError(file, error.strerror or str(error)) from error
-        except ValueError as error:
-            raise FallSetError(file, str(error)) from error
+            falls = _read_falls(load_arrays(file, FALL_KEYS, optional=COUNT_KEYS), robot)
+            if scene and falls.scene != scene:
+                raise ValueError(f"they are of scene '{falls.scene}', not '{scene}'")
+        except (OSError, ValueError) as error:
+            raise ValueError(
+                f"falls {file}: {describe(error)} (expected: an .npz that `getup eval` wrote with "
+                "--falls)"
+            ) from error
+        return falls
 
 
 def _check_falls(robot: Robot, position: Array, joint_pos: Array) -> None:

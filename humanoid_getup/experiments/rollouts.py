@@ -15,7 +15,7 @@ from humanoid_getup.experiments.judging.record import (
     RECORDED,
     Record,
     Recorder,
-    combine_records,
+    combine_arrays,
     join_records,
 )
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
@@ -301,4 +301,4 @@ def _fill(before: Record, rows: Ids, played: Record) -> Record:
         filled[rows] = new
         return filled
 
-    return combine_records([before, played], lambda arrays: fill(*arrays))
+    return combine_arrays([before, played], lambda arrays: fill(*arrays))

@@ -5,7 +5,7 @@ Training and robot call the same functions, on a thousand robots or on one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import Annotated
@@ -157,30 +157,25 @@ def build_action_spec(
         other = int(robot.mirror_index[joint])
         row[joint] = share
         row[other] = share * sign * robot.mirror_sign[other]
-    cycles = choose_cycles(robot)
-    reach = robot.max_velocity * robot.control_period * cycles * SPEED_SHARE
+    spec = build_posture_spec(robot, pwm_limit)
     held = np.any(directions != 0.0, axis=0)
     for name in homing:
         joint = robot.joint_names.index(name)
         held[[joint, robot.mirror_index[joint]]] = False
-    return ActionSpec(
+    return replace(
+        spec,
         mode=ActionMode.RATE,
         names=tuple(f"{name} {how}" for name, how, _, _ in moves),
         directions=directions,
-        scale=EAGERNESS * reach,
-        reach=reach,
-        lead=LEAD,
-        pwm_limit=pwm_limit,
-        home=robot.standing.joint_pos,
-        homing=np.where(held, 0.0, HOMING_SHARE * reach),
-        calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
-        cycles=cycles,
+        scale=EAGERNESS * spec.reach,
+        homing=np.where(held, 0.0, HOMING_SHARE * spec.reach),
     )
 
 
 def build_posture_spec(robot: Robot, pwm_limit: float = 1.0) -> ActionSpec:
     """Build actions that are postures: each joint's angle from home, as a share of its range."""
-    cycles = choose_cycles(robot)
+    # The policy step is nearest to 48 ms.
+    cycles = max(1, round(STEP_TIME / robot.control_period))
     reach = robot.max_velocity * robot.control_period * cycles * SPEED_SHARE
     home = robot.standing.joint_pos
     return ActionSpec(
@@ -196,11 +191,6 @@ def build_posture_spec(robot: Robot, pwm_limit: float = 1.0) -> ActionSpec:
         calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
         cycles=cycles,
     )
-
-
-def choose_cycles(robot: Robot) -> int:
-    """Choose the number of control cycles in a policy step, so that it is nearest to 48 ms."""
-    return max(1, round(STEP_TIME / robot.control_period))
 
 
 def choose_actions(robot: Robot, wide: bool, pwm_limit: float = 1.0) -> ActionSpec:

@@ -26,10 +26,6 @@ SPEED_SLACK = 1e-6  # share of a servo's speed
 Fact = Annotated[str | int | float | bool | None, msgspec.Meta(description="a text or a number")]
 
 
-class ContractError(ValueError):
-    """A text is not a policy contract; the message names every problem."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyContract:
     """Properties with which a policy was trained, and which must match where it runs.
@@ -192,20 +188,20 @@ class PolicyContract:
 
     @staticmethod
     def from_json(text: str) -> PolicyContract:
-        """Read a contract."""
+        """Read a contract; raises ValueError that names every problem."""
         try:
             record = json.loads(text)
         except (ValueError, RecursionError) as error:
-            raise ContractError(f"the policy contract is not JSON: {error}") from error
+            raise ValueError(f"the policy contract is not JSON: {error}") from error
         if not isinstance(record, dict):
-            raise ContractError(f"the policy contract is {shown(record)}, expected a JSON object")
+            raise ValueError(f"the policy contract is {shown(record)}, expected a JSON object")
         if record.get("format") != FORMAT:
             found = shown(record.get("format"))
-            raise ContractError(f"the policy contract has format {found}, expected {FORMAT}")
+            raise ValueError(f"the policy contract has format {found}, expected {FORMAT}")
         problems: list[str] = []
         contract = read_table(PolicyContract, record, "", problems)
         if problems:
-            raise ContractError(f"the policy contract: {'; '.join(problems)}")
+            raise ValueError(f"the policy contract: {'; '.join(problems)}")
         return contract
 
 

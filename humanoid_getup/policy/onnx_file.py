@@ -143,32 +143,28 @@ MAX_BYTES = 64 * 2**20
 CHECKSUM_ENTRY = b"\x72\x51\x0a\x0d" + CHECKSUM_KEY.encode() + b"\x12\x40"
 
 
-class NetworkError(ValueError):
-    """A file does not hold a network that can be run; the message is one line."""
-
-
 def read_model(file: Path) -> bytes:
-    """Read a policy file and compare its checksum."""
+    """Read a policy file and compare its checksum; raises ValueError of one line."""
     try:
         content = read_bounded(file, MAX_BYTES)
     except ValueError as error:
-        raise NetworkError(f"it is not an ONNX file: {error}") from error
+        raise ValueError(f"it is not an ONNX file: {error}") from error
     model, entry, checksum = content.rpartition(CHECKSUM_ENTRY)
     if CONTRACT_KEY.encode() not in content:
-        raise NetworkError(
+        raise ValueError(
             "it is not a complete ONNX file, or has no policy contract: export it with "
             "`getup export`"
         )
     if not entry:
-        raise NetworkError("it is damaged, or has no checksum: export it again with `getup export`")
+        raise ValueError("it is damaged, or has no checksum: export it again with `getup export`")
     if checksum != _compute_checksum(model):
-        raise NetworkError("it is damaged: its content does not match its checksum")
+        raise ValueError("it is damaged: its content does not match its checksum")
     try:
         problems = find_content_problems(content)
     except ValueError as error:
-        raise NetworkError(f"it is not a complete ONNX file: {error}") from error
+        raise ValueError(f"it is not a complete ONNX file: {error}") from error
     if problems:
-        raise NetworkError("; ".join(problems))
+        raise ValueError("; ".join(problems))
     return content
 
 
@@ -215,7 +211,7 @@ class OnnxNetwork:
         if len(outputs) not in (1, 2):
             problems.append(f"{len(outputs)} outputs, expected 1, or 2 with a memory")
         if problems:
-            raise NetworkError(f"the network has {' and '.join(problems)}")
+            raise ValueError(f"the network has {' and '.join(problems)}")
         self._input, self._outputs = inputs[0], outputs
 
     def find_problems(
@@ -266,7 +262,7 @@ def _create_session(model: bytes) -> InferenceSession:
     try:
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors have no base of their own
-        raise NetworkError(describe_refusal(onnxruntime, error)) from error
+        raise ValueError(describe_refusal(onnxruntime, error)) from error
 
 
 def _try_in_child(model: bytes, limit: float) -> tuple[list[str], float]:
@@ -285,8 +281,8 @@ def _try_in_child(model: bytes, limit: float) -> tuple[list[str], float]:
     except EOFError:
         child.join()
         if child.exitcode == -signal.SIGALRM:
-            raise NetworkError(f"an inference takes more than {limit:g} s") from None
-        raise NetworkError(f"an inference ends its process ({child.exitcode})") from None
+            raise ValueError(f"an inference takes more than {limit:g} s") from None
+        raise ValueError(f"an inference ends its process ({child.exitcode})") from None
     finally:
         if child.pid is not None:
             child.kill()

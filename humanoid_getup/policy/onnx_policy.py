@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from drivers import Command, Guidance, State
 from humanoid_getup.experiments.judging.standing import HOLD, MAX_TILT
 from humanoid_getup.policy.action import between, next_target
-from humanoid_getup.policy.contract import ContractError, PolicyContract
+from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
-from humanoid_getup.policy.onnx_file import NetworkError, OnnxNetwork
+from humanoid_getup.policy.onnx_file import OnnxNetwork
 from humanoid_getup.policy.style_follower import StyleFollower
 from humanoid_getup.style.curve_tracker import FollowedStyle
 from humanoid_getup.style.features import UNKNOWN
@@ -43,7 +43,7 @@ def read_contract(file: Path) -> PolicyContract:
     """Read the contract of a policy file."""
     try:
         return PolicyContract.from_json(OnnxNetwork(file).contract)
-    except (NetworkError, ContractError) as error:
+    except ValueError as error:
         raise PolicyError(file, [str(error)]) from error
 
 
@@ -114,7 +114,7 @@ class OnnxPolicy:
         try:
             network = OnnxNetwork(file)
             contract = PolicyContract.from_json(network.contract)
-        except (NetworkError, ContractError, OSError) as error:
+        except (ValueError, OSError) as error:
             raise PolicyError(file, [describe(error)]) from error
         period = period or robot.control_period
         problems = contract.find_mismatches(robot, period)

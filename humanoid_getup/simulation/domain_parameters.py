@@ -61,25 +61,21 @@ class DomainParameters:
         world: World,
         n: int,
         *,
-        friction: Array | float | None = None,
-        voltage: Array | float | None = None,
         torque_limit: Array | float | None = None,
         limit_by: LimitMode | None = None,
     ) -> DomainParameters:
         """Make the nominal parameters of ``n`` robots.
 
-        Friction, voltage [V] and torque limit [N·m], each (N,) or a number, override those of the
-        scene, of the robot and of its servos; by default the limit acts in the robot's own mode.
+        A torque limit [N·m], (N,) or a number, overrides that of the servos; by default it acts in
+        the robot's own mode.
         """
         robot = world.robot
-        friction = world.scene.surface.friction if friction is None else friction
-        voltage = robot.supply_voltage if voltage is None else voltage
         limit = float(robot.max_torque.max()) if torque_limit is None else torque_limit
         return DomainParameters(
             mass=np.ones((n, world.model.nbody)),
             com_shift=np.zeros((n, 3)),
-            friction=np.full(n, friction),
-            voltage=np.full(n, voltage),
+            friction=np.full(n, world.scene.surface.friction),
+            voltage=np.full(n, robot.supply_voltage),
             torque_limit=np.full(n, limit),
             limit_by=np.full(n, LIMIT_MODES.index(limit_by or robot.limit_by)),
             strength=np.ones((n, robot.n)),

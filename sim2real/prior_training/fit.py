@@ -9,14 +9,13 @@ import numpy as np
 import torch
 from torch import nn
 
-from humanoid_getup.style.features import COUNT, mirror_features
+from humanoid_getup.style.features import COUNT
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.pose_prior import Network, PosePrior, RiseSet
 from sim2real.training.library_threads import torch_threads
 
 VARIANCE = 0.85  # share of the postures' variance that the latent parameters account for
-LEAST_STD = 0.02  # rad, for joints and features that hardly change in the postures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,56 +30,14 @@ class FitOptions:
     learning_rate: float = 1e-4
 
 
-@dataclass(frozen=True, kw_only=True)
-class Postures:
-    """Postures and their style features, and the statistics by which they are standardized."""
-
-    robot: Robot
-    joint_pos: Array
-    """[rad], (F, n)"""
-    features: Array
-    """(F, 3)"""
-
-    @staticmethod
-    def of(rises: RiseSet) -> Postures:
-        """Take the frames of rises."""
-        return Postures(robot=rises.robot, joint_pos=rises.joint_pos, features=rises.features)
-
-    @property
-    def pos_mean(self) -> Array:
-        """Return the mean of the postures and their mirror images [rad], (n,)."""
-        mean = self.joint_pos.mean(axis=0)
-        return self.robot.symmetrize(mean)
-
-    @property
-    def pos_std(self) -> Array:
-        """Return the standard deviation of the same [rad], (n,)."""
-        away = self.joint_pos - self.pos_mean
-        squares = np.mean(away**2, axis=0)
-        both = 0.5 * (squares + squares[self.robot.mirror_index])
-        return np.maximum(np.sqrt(both), LEAST_STD)
-
-    @property
-    def feature_mean(self) -> Array:
-        """Return the mean of the features and their mirror images, (3,)."""
-        mean = self.features.mean(axis=0)
-        return 0.5 * (mean + mirror_features(mean))
-
-    @property
-    def feature_std(self) -> Array:
-        """Return the standard deviation of the same, (3,)."""
-        squares = np.mean((self.features - self.feature_mean) ** 2, axis=0)
-        return np.maximum(np.sqrt(squares), LEAST_STD)
-
-
-def count_latents(postures: Postures) -> Array:
+def count_latents(rises: RiseSet) -> Array:
     """Choose the latent parameters: their signs under the exchange of left and right, (k,).
 
     Each principal component of postures and their mirror images is symmetric or antisymmetric;
     as many are taken as account for `VARIANCE`.
     """
-    away = (postures.joint_pos - postures.pos_mean) / postures.pos_std
-    mirrored = postures.robot.mirror_joints(away)
+    away = (rises.joint_pos - rises.pos_mean) / rises.pos_std
+    mirrored = rises.robot.mirror_joints(away)
     parts = [(0.5 * (away + mirrored), 1.0), (0.5 * (away - mirrored), -1.0)]
     components = [
         (float(value) ** 2, sign)
@@ -130,7 +87,7 @@ class Autoencoder(nn.Module):
 
 @torch_threads(1)
 def fit_prior(
-    postures: Postures,
+    rises: RiseSet,
     seed: int,
     options: FitOptions | None = None,
     report: Callable[[int, float], None] = lambda *_: None,
@@ -142,10 +99,10 @@ def fit_prior(
     options = options or FitOptions()
     generator = torch.Generator().manual_seed(seed)
     torch.manual_seed(seed)
-    latent_sign = count_latents(postures)
-    model = Autoencoder(postures.robot, latent_sign, options)
-    pos = _scale(postures.joint_pos, postures.pos_mean, postures.pos_std)
-    condition = _scale(postures.features, postures.feature_mean, postures.feature_std)
+    latent_sign = count_latents(rises)
+    model = Autoencoder(rises.robot, latent_sign, options)
+    pos = _scale(rises.joint_pos, rises.pos_mean, rises.pos_std)
+    condition = _scale(rises.features, rises.feature_mean, rises.feature_std)
     optimizer = torch.optim.Adam(model.parameters(), lr=options.learning_rate)
     for epoch in range(options.epochs):
         total = 0.0
@@ -166,14 +123,14 @@ def fit_prior(
     # The mean over postures and their mirror images: that of antisymmetric parameters is 0.
     mean = 0.5 * (latent.mean(dim=0) * (1.0 + model.latent_sign))
     return PosePrior(
-        robot=postures.robot,
+        robot=rises.robot,
         latent_sign=latent_sign,
         latent_mean=mean.numpy().astype(float),
         latent_std=(latent - mean).square().mean(dim=0).sqrt().numpy().astype(float),
-        pos_mean=postures.pos_mean,
-        pos_std=postures.pos_std,
-        feature_mean=postures.feature_mean,
-        feature_std=postures.feature_std,
+        pos_mean=rises.pos_mean,
+        pos_std=rises.pos_std,
+        feature_mean=rises.feature_mean,
+        feature_std=rises.feature_std,
         encoder=_read_weights(model.encoder),
         decoder=_read_weights(model.decoder),
     )

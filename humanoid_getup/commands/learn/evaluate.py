@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
+import numpy as np
 from msgspec import UNSET, UnsetType
 from rich.console import Console
 from tyro.conf import Positional, arg
@@ -29,9 +30,9 @@ from humanoid_getup.experiments.disturbances import RandomAxis
 from humanoid_getup.experiments.falls import (
     CLASSES,
     FallSet,
-    FallSetError,
     sample_fall_set,
 )
+from humanoid_getup.experiments.judging.record import combine_arrays
 from humanoid_getup.experiments.judging.summary import PolicySummary, Quantiles
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
@@ -337,12 +338,7 @@ class _Rollouts:
         """Read the falls from their file, or sample them."""
         request, each = self.request, self.request.n // len(CLASSES)
         if request.falls is not None and request.falls.exists():
-            falls = FallSet.load(request.falls, world.robot)
-            if falls.scene != world.scene.name:
-                raise FallSetError(
-                    request.falls, f"they are of scene '{falls.scene}', not '{world.scene.name}'"
-                )
-            return falls.choose(each)
+            return FallSet.load(request.falls, world.robot, world.scene.name).choose(each)
         count = self.monitor.count(phase, request.n)
         falls = sample_fall_set(world, dict.fromkeys(CLASSES, each), request.seed, count)
         if request.falls is not None:
@@ -352,13 +348,13 @@ class _Rollouts:
     def evaluate(self, grounds: Grounds, style: str | None, label: str) -> EvaluatedCase:
         """Let the policy get up from all falls in a scene, in a style."""
         from sim2real.evaluation import cut_falls
-        from sim2real.policy_evaluation import join_rollouts, summarize_rollouts
+        from sim2real.policy_evaluation import summarize_rollouts
 
         file = style and make_absolute(style)
         pieces = cut_falls(grounds, file, self.request.seed)
         found = self._roll_out(pieces, f"rises ({label})")
         falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
-        rises = join_rollouts(found)
+        rises = combine_arrays(found, np.concatenate)
         figures = summarize_rollouts(falls, rises, CLASSES)
         return EvaluatedCase(
             scene=grounds[0][1].scene,

@@ -66,7 +66,7 @@ def make_prior(request: PriorRequest, monitor: ProgressMonitor) -> MadePrior:
     with needing("train"):
         from sim2real.pose_prior import PosePrior, RiseSet
         from sim2real.prior_training.collect import collect_rises, load_policy
-        from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
+        from sim2real.prior_training.fit import FitOptions, fit_prior
         from sim2real.training.styled_training import PRIOR, RISES
     with refusing():
         policies = {name: load_policy(robot, name) for name in request.policies if name}
@@ -91,7 +91,7 @@ def make_prior(request: PriorRequest, monitor: ProgressMonitor) -> MadePrior:
                 advance(1)
 
             options = FitOptions(epochs=request.epochs)
-            prior = fit_prior(Postures.of(rises), request.seed, options, note)
+            prior = fit_prior(rises, request.seed, options, note)
         rises.save(request.out / RISES)
         prior.save(request.out / PRIOR)
     return MadePrior(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import mujoco
@@ -98,35 +98,26 @@ class Record:
 
     def _change(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Record:
         """Change every array."""
-        changed = {}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                changed[field.name] = change(value)
-        return replace(self, **changed, stance=self.stance.change(change))
+        return combine_arrays([self], lambda arrays: change(arrays[0]))
 
 
-def combine_records(parts: Sequence[Record], combine: Callable[[Columns], NDArray[Any]]) -> Record:
-    """Combine every array of some records with those of the others."""
+def combine_arrays(parts: Sequence[Any], combine: Callable[[Columns], NDArray[Any]]) -> Any:
+    """Combine every array of some records with those of the others; the rest is the last one's."""
     combined = {}
-    for field in fields(Record):
-        values = [getattr(part, field.name) for part in parts]
+    for name in [field.name for field in fields(parts[-1])]:
+        values = [getattr(part, name) for part in parts]
         if isinstance(values[0], np.ndarray):
-            combined[field.name] = combine(values)
-    stances = [part.stance for part in parts]
-    stance = Stance(
-        neck_height=combine([stance.neck_height for stance in stances]),
-        tilt=combine([stance.tilt for stance in stances]),
-        non_foot_contact=combine([stance.non_foot_contact for stance in stances]),
-    )
-    return replace(parts[-1], **combined, stance=stance)
+            combined[name] = combine(values)
+        elif is_dataclass(values[0]) and not isinstance(values[0], Layout):
+            combined[name] = combine_arrays(values, combine)
+    return replace(parts[-1], **combined)
 
 
 def join_records(parts: Sequence[Record]) -> Record:
     """Join records of the same N robots in time; robots with diverged physics are not upright."""
     diverged = np.any([part.diverged for part in parts], axis=0)
     count = sum(part.upright.shape[1] for part in parts)
-    joined = combine_records(
+    joined = combine_arrays(
         parts,
         lambda arrays: np.concatenate(arrays, axis=1) if arrays[0].ndim > 1 else arrays[-1],
     )

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -31,14 +29,6 @@ class Stance:
     """Angle between the torso's z axis and the vertical [rad], (...)."""
     non_foot_contact: NDArray[np.bool_]
     """Whether anything but the feet touches the world, (...)."""
-
-    def change(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Stance:
-        """Change every array."""
-        return Stance(
-            neck_height=change(self.neck_height),
-            tilt=change(self.tilt),
-            non_foot_contact=change(self.non_foot_contact),
-        )
 
 
 class StanceMeter:

@@ -14,6 +14,7 @@ from humanoid_getup.motions.keyframes import SPEED_SHARE
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
+from humanoid_getup.posture_chains.rise_kind import KindNamer
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place
@@ -60,9 +61,10 @@ def make_replay(world: World, sides: list[str], bend: float = 0.0) -> Replay:
 
 def test_a_kind_names_the_sides_passed_and_rises_of_other_kinds_or_angles_are_apart(op3):
     world = World(op3)
-    assert name_kind(world, make_replay(world, ["supine", "standing"])) == "learned"
+    namer, direct = KindNamer(world), make_replay(world, ["supine", "standing"])
+    assert name_kind(namer, world, direct) == "learned"
     over = make_replay(world, ["supine", "left", "prone", "squat"])
-    assert name_kind(world, over) == "learned, over left, prone"
+    assert name_kind(namer, world, over) == "learned, over left, prone"
     straight = [make_replay(world, ["supine", "squat"], bend) for bend in (0.0, 0.02, 1.0)]
     groups = group_rises(world, [*straight, over])
     assert groups == [straight[:2], [straight[2]], [over]]
@@ -92,8 +94,7 @@ def test_what_the_preflight_refuses_is_not_kept(
         return Verdict(reasons=() if passes else (reason,))
 
     monkeypatch.setattr(discovery, "collect_rises", lambda *_: [rise])
-    monkeypatch.setattr(discovery.Replayer, "play", lambda *_: replay)
-    monkeypatch.setattr(discovery.Replayer, "repeat", lambda *_: replay)
+    monkeypatch.setattr(discovery.MotionDiscovery, "play", lambda *_: replay)
     monkeypatch.setattr(discovery, "with_entries", lambda _world, motion: motion)
     monkeypatch.setattr(discovery, "preflight_stored", check)
     finder = discovery.MotionDiscovery(world, None, policy_name="robust", seed=0)  # type: ignore[arg-type]

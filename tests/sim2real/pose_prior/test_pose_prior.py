@@ -23,7 +23,7 @@ from sim2real.prior_training.collect import (
     load_policy,
     plan_piece,
 )
-from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
+from sim2real.prior_training.fit import FitOptions, fit_prior
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +32,9 @@ def rises(op3: Robot) -> RiseSet:
 
 
 @pytest.fixture(scope="module")
-def postures(rises: RiseSet) -> Postures:
-    return Postures.of(rises)
-
-
-@pytest.fixture(scope="module")
-def prior(postures: Postures) -> PosePrior:
+def prior(rises: RiseSet) -> PosePrior:
     options = FitOptions(hidden=64, epochs=80, learning_rate=3e-3, batch=32)
-    return fit_prior(postures, 0, options)
+    return fit_prior(rises, 0, options)
 
 
 def test_rises_survive_the_trip_through_a_file(op3, rises, tmp_path):
@@ -56,11 +51,11 @@ def test_rises_survive_the_trip_through_a_file(op3, rises, tmp_path):
     assert np.degrees(curves.front[[0, -1]]) == pytest.approx([0.0, 90.0], abs=0.1)
 
 
-def test_what_is_encoded_is_decoded(postures, prior):
-    latent = prior.encode(postures.joint_pos, postures.features)
-    again = prior.decode(latent, postures.features)
-    error = np.sqrt(np.mean((again - postures.joint_pos) ** 2))
-    spread = np.sqrt(np.mean((postures.joint_pos - postures.pos_mean) ** 2))
+def test_what_is_encoded_is_decoded(rises, prior):
+    latent = prior.encode(rises.joint_pos, rises.features)
+    again = prior.decode(latent, rises.features)
+    error = np.sqrt(np.mean((again - rises.joint_pos) ** 2))
+    spread = np.sqrt(np.mean((rises.joint_pos - rises.pos_mean) ** 2))
     assert error < 0.15 * spread
     assert np.sqrt(np.mean(latent**2, axis=0)) == pytest.approx(1.0)
     # Two joints of the left side move, which is two symmetric and two antisymmetric motions; the

@@ -11,7 +11,6 @@ from humanoid_getup.experiments.falls import (
     CLASSES,
     Fall,
     FallSet,
-    FallSetError,
     classify,
     sample_fall_set,
     sample_falls,
@@ -147,8 +146,7 @@ def test_a_damaged_set_is_refused_in_one_line(op3: Robot, tmp_path: Path, change
     file = tmp_path / "falls.npz"
     make_falls(op3, ("prone", "left")).save(file)
     spoil(file, **changes)
-    with pytest.raises(FallSetError, match=message) as refusal:
+    with pytest.raises(ValueError, match=message) as refusal:
         FallSet.load(file, op3)
     assert str(refusal.value).startswith(f"falls {file}: ")
     assert str(refusal.value).isprintable()
-    assert refusal.value.file == file

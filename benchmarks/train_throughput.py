@@ -49,8 +49,7 @@ from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.starts import StartPool
 from sim2real.training.config import RECIPES, STEPS, Recipe
 from sim2real.training.library_threads import numpy_threads
-from sim2real.training.styled_training import keep_prior
-from sim2real.training.train import POOL, Training
+from sim2real.training.train import POOL, Training, keep_prior
 
 PROCESSES = 2
 SPEED_ITERATIONS = 25

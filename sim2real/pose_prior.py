@@ -31,6 +31,8 @@ from robots.storage.arrays import (
 )
 from robots.storage.validation import shown
 
+PRIOR, RISES = "prior.npz", "rises.npz"
+"""Files of a pose prior's folder, which a training keeps copies of."""
 LAYERS = 3
 VECTORS = (
     "latent_sign",

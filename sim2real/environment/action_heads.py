@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from humanoid_getup.playback.balance import find_ankles
@@ -11,7 +13,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.style.curve_tracker import CurveTracker
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.pose_prior import PosePrior
+from sim2real.pose_prior import PRIOR, PosePrior
 
 
 class DirectHead:
@@ -78,6 +80,11 @@ class PriorHead:
         self.names = (*(f"latent {i}" for i in range(k)), *robot.joint_names)
         joints = Mirror(robot.mirror_index, robot.mirror_sign)
         self.mirror = Mirror.join((Mirror(np.arange(k), prior.latent_sign), joints))
+
+    @staticmethod
+    def load(robot: Robot, action: ActionSpec, folder: Path) -> PriorHead:
+        """Load the pose prior of a training."""
+        return PriorHead(action, PosePrior.load(folder / PRIOR, robot))
 
     def act(
         self, outputs: Array, memory: Array, tracker: CurveTracker | None

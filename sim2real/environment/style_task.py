@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -13,7 +14,9 @@ from humanoid_getup.policy.observation import Sensed, StyleInput, observe_style
 from humanoid_getup.style.curve_tracker import CurveTracker
 from humanoid_getup.style.curves import SavedArrays, SavedState, StyleCurves
 from humanoid_getup.style.features import UNKNOWN, angle_distance
+from humanoid_getup.style.style import list_styles, load_style
 from robots import Robot
+from robots.body.parts import leg_length
 from robots.kinematics import mirror_positions, transfer_positions
 from robots.quaternion import Array
 from sim2real.environment.action_heads import PriorHead
@@ -149,6 +152,25 @@ def build_library(
     along = np.array(states), np.array(rows), np.array(shares)
     sources += [""] * len(named)
     return CurveLibrary.of([*curves, *named], np.array(targets), sources, named_share, along)
+
+
+DURATIONS, LEGS = (2.5, 5.1, 7.6), 0.9  # s that a person of such legs [m] takes in [Frezzato22]
+
+
+def list_named_curves(robot: Robot) -> Iterator[StyleCurves]:
+    """List the named styles' curves and their mirror images.
+
+    Their durations are their own, and all but the shortest of the paper's.
+    """
+    scale = math.sqrt(leg_length(robot) / LEGS)
+    for name in list_styles():
+        for curve in load_style(name, robot).curves:
+            # The shortest is beyond what position servos of a small robot can follow.
+            for duration in {curve.duration, *(scale * duration for duration in DURATIONS[1:])}:
+                timed = curve.lasting(duration)
+                yield timed
+                if not np.allclose(timed.side, np.pi / 2):
+                    yield timed.mirrored()
 
 
 STAND_TIME = 3.0  # s that an episode continues after its curve has ended

@@ -23,12 +23,12 @@ from humanoid_getup.policy.onnx_file import CONTRACT_KEY, OnnxNetwork, seal_mode
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from robots import Robot
 from robots.storage.files import atomic_path
+from sim2real.environment.action_heads import PriorHead
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import TrainingRecord
 from sim2real.training.networks import MirroredNormalizer, StyledNetwork, SymmetricModel
 from sim2real.training.ppo import AVERAGE
 from sim2real.training.runner import Mirrors, build_config
-from sim2real.training.styled_training import load_head
 
 OPSET = 18
 SAMPLES = 1000  # observations on which torch and onnxruntime must agree
@@ -53,7 +53,7 @@ def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exporte
     action = training.recipe.choose_actions(robot)
     is_other = training.robot != robot.name
     recipe = training.recipe.style
-    head = load_head(robot, action, training.folder) if recipe and not is_other else None
+    head = PriorHead.load(robot, action, training.folder) if recipe and not is_other else None
     outputs = head.names if head else action.names
     if is_other or training.actions != outputs:
         raise ValueError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import random
+import shutil
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass, replace
@@ -20,7 +21,8 @@ from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.quaternion import Array
 from robots.storage.encoding import to_json
-from robots.storage.files import write_atomically
+from robots.storage.files import atomic_path, write_atomically
+from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.env_options import PHYSICS_STEP, RANDOMIZATIONS, EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.rewards import REWARDS
@@ -33,26 +35,19 @@ from sim2real.environment.starts import (
     pool_rng,
     sample_terrain_stands,
 )
-from sim2real.environment.style_task import StyleTask, build_library
+from sim2real.environment.style_task import StyleTask, build_library, list_named_curves
 from sim2real.environment.terrain import Terrain, build_terrain
 from sim2real.environment.training_world import build_training_world
-from sim2real.pose_prior import RiseSet
+from sim2real.pose_prior import PRIOR, RISES, PosePrior, RiseSet
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE, Recipe, TrainingRecord, check_recipe
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
 from sim2real.training.library_threads import numpy_threads, torch_threads
 from sim2real.training.overlapped_runner import OverlappedRunner
-from sim2real.training.policy_parent import check_policy_parent, is_policy_file
+from sim2real.training.policy_parent import check_decoder, check_policy_parent, is_policy_file
 from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.runner import TrainingRunner, build_config
-from sim2real.training.styled_training import (
-    RISES,
-    check_prior,
-    keep_prior,
-    list_named_curves,
-    load_head,
-)
 
 POOL = "falls.npz"
 PROGRESS = "progress.csv"
@@ -162,7 +157,29 @@ class Training:
                 f"{self.folder}: a training with a height map continues one without, expected "
                 "--parent"
             )
-        return check_prior(self.robot, self.prior, self.parent, self.folder)
+        return self._check_prior(self.parent)
+
+    def _check_prior(self, parent: Path | None) -> Path:
+        """Find the folder with the pose prior, and check its content.
+
+        That is the one that is given, or else the parent's, or else the training's own.
+        """
+        is_folder = parent is not None and not is_policy_file(parent)
+        source = self.prior or (parent if is_folder and parent else self.folder)
+        missing = [name for name in (PRIOR, RISES) if not (source / name).exists()]
+        if missing:
+            raise ValueError(
+                f"{source} has no {missing[0]}, expected --prior with the folder of `getup prior`"
+            )
+        for name in (PRIOR, RISES):
+            _check_kept(source / name, self.folder / name)
+        found = PosePrior.load(source / PRIOR, self.robot)
+        RiseSet.load(source / RISES, self.robot)
+        if parent is not None and not is_folder:
+            check_decoder(parent, found)
+        elif parent is not None and (parent / PRIOR).read_bytes() != (source / PRIOR).read_bytes():
+            raise ValueError(f"{source / PRIOR} is another prior than that of {parent}")
+        return source
 
     @cached_property
     def terrain(self) -> Terrain | None:
@@ -211,7 +228,7 @@ class Training:
                 robot,
                 self.recipe.robots,
                 library,
-                load_head(robot, action, self.folder),
+                PriorHead.load(robot, action, self.folder),
                 self.threads,
                 height_map=style.height_map,
             )
@@ -246,7 +263,7 @@ class Training:
         """Write the recipe file, or check that an existing one is the same."""
         recipe, file = self.recipe, self.folder / RECIPE
         action = recipe.choose_actions(self.robot)
-        outputs = load_head(self.robot, action, prior).names if prior else action.names
+        outputs = PriorHead.load(self.robot, action, prior).names if prior else action.names
         record: dict[str, object] = {
             "robot": self.robot.name,
             "seed": self.seed,
@@ -276,3 +293,19 @@ def _describe_parent(robot: Robot, parent: Path) -> dict[str, str | int]:
         "iterations": int(read_checkpoint(file)["iter"]) + 1,
         "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
     }
+
+
+def keep_prior(prior: Path, folder: Path) -> None:
+    """Copy the files of a pose prior into the folder of a training that has none yet."""
+    for name in (PRIOR, RISES):
+        kept = folder / name
+        _check_kept(prior / name, kept)
+        if not kept.exists():
+            with atomic_path(kept) as partial:
+                shutil.copyfile(prior / name, partial)
+
+
+def _check_kept(file: Path, kept: Path) -> None:
+    """Check that a training's copy of a file, if there is one, is the same."""
+    if kept.exists() and kept.read_bytes() != file.read_bytes():
+        raise ValueError(f"{kept} is another file than {file}")

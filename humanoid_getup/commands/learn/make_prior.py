@@ -64,10 +64,9 @@ def make_prior(request: PriorRequest, monitor: ProgressMonitor) -> MadePrior:
     robot = load_robot(request)
     monitor.begin("loading torch")
     with needing("train"):
-        from sim2real.pose_prior import PosePrior, RiseSet
+        from sim2real.pose_prior import PRIOR, RISES, PosePrior, RiseSet
         from sim2real.prior_training.collect import collect_rises, load_policy
         from sim2real.prior_training.fit import FitOptions, fit_prior
-        from sim2real.training.styled_training import PRIOR, RISES
     with refusing():
         policies = {name: load_policy(robot, name) for name in request.policies if name}
         prior = PosePrior.load(request.fitted, robot) if request.fitted else None

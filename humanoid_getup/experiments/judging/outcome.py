@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from inspect import signature
 from typing import TypeVar
@@ -52,6 +52,7 @@ Counts = NDArray[np.int_]
 Kind = TypeVar("Kind")
 
 
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """How runs ended, and their figures, from a record; figures have the shape of its robots.
 
@@ -59,39 +60,22 @@ class Outcome:
     it could not be observed.
     """
 
-    def __init__(
-        self,
-        record: Record,
-        robot: Robot,
-        *,
-        torque_limit: float | None = None,
-        hold_time: float = HOLD_TIME,
-    ) -> None:
-        """Judge runs under a torque limit [N·m], None for the servos' own.
-
-        Only a search whose results are checked again may use a shorter ``hold_time`` [s].
-        """
-        self.record, self.robot = record, robot
-        self.torque_limit, self.hold_time = torque_limit, hold_time
+    record: Record
+    robot: Robot
+    _: KW_ONLY
+    torque_limit: float | None = None
+    """[N·m]; ``None`` for the servos' own."""
+    hold_time: float = HOLD_TIME
+    """[s]; only a search whose results are checked again may use a shorter one."""
 
     def take(self, rows: NDArray[np.int_] | slice | int) -> Outcome:
         """Return the outcomes of some runs, or of one, by the first axis."""
-        return Outcome(
-            self.record.take(rows),
-            self.robot,
-            torque_limit=self.torque_limit,
-            hold_time=self.hold_time,
-        )
+        return replace(self, record=self.record.take(rows))
 
     def settle(self) -> Outcome:
         """Return the outcome of a run that was stopped because the robot stands steadily."""
         settled = np.ones_like(self.record.settled)
-        return Outcome(
-            replace(self.record, settled=settled),
-            self.robot,
-            torque_limit=self.torque_limit,
-            hold_time=self.hold_time,
-        )
+        return replace(self, record=replace(self.record, settled=settled))
 
     @cached_property
     def stand(self) -> Stand:

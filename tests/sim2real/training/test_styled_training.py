@@ -26,13 +26,13 @@ from robots import Robot
 from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.starts import StartPool
+from sim2real.pose_prior import PRIOR, RISES
 from sim2real.training import imitation, runner
 from sim2real.training.config import RECIPES, Recipe, TrainingRecord
 from sim2real.training.export import export_policy
 from sim2real.training.imitation import find_outputs, imitate
 from sim2real.training.library_threads import torch_threads
 from sim2real.training.rsl_rl_env import RslEnv
-from sim2real.training.styled_training import PRIOR, RISES
 from sim2real.training.train import POOL, Training
 
 QUICK = replace(RECIPES["styled-quick"], robots=8, iterations=1, hidden=(16, 16))

@@ -12,33 +12,10 @@
 Each name is imported when it is first used.
 """
 
-from __future__ import annotations
-
 import os
-from importlib import import_module
-from pathlib import Path
-from typing import Any
 
 from humanoid_getup.library_environment import prepare
+from robots.lazy_names import attach_stub
 
-_STUB = Path(__file__).with_suffix(".pyi").read_text("utf-8")
-_HOMES = {
-    words[-1]: words[1]  # from module import name as name
-    for words in map(str.split, _STUB.splitlines())
-    if words[:1] == ["from"]
-}
-__all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]  (the stub has it)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(_HOMES[name]), name)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
-
-
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)
 prepare(os.environ)

@@ -24,6 +24,11 @@ SPEED_SHARE = 0.999  # of a servo's speed in targets, so that rounding does not 
 LONGEST_TIMESTEP = 0.002  # s; contacts and servos need no shorter step, and bear no longer one
 ROBOTS_FOLDER = Path(__file__).parent
 
+# MuJoCo's own log goes to the terminal, not to MUJOCO_LOG.TXT in the working folder.
+_log = mujoco.MjLogConfig.get()
+_log.logto_file = False
+mujoco.MjLogConfig.set(_log)
+
 
 class RobotError(ValueError):
     """A robot is unknown or its description is wrong."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 import numpy as np
 
 from robots.quaternion import Array
-from robots.storage.validation import Sign, positive, whole, within
+from robots.storage.validation import Sign, between, positive, whole
 
 TICKS_PER_TURN = 4096
 MAX_TICKS = 1_048_575  # either way, the servos' extended position range (e-manual)
@@ -50,9 +50,9 @@ class ServoModel:
     """[rad/s]"""
     armature: Annotated[float, positive(1.0, "kg·m²")]
     """Rotor inertia seen at the horn [kg·m²]."""
-    friction: Annotated[float, within(0.0, 50.0, "N·m")]
+    friction: Annotated[float, between(0.0, 50.0, "N·m")]
     """Dry friction at the horn [N·m]."""
-    current_step: Annotated[float, within(0.0, 0.1, "A")]
+    current_step: Annotated[float, between(0.0, 0.1, "A")]
     """Current of a count, measured and limited [A]; 0 for a servo without current sensor."""
     min_voltage: Volts
     """[V]"""
@@ -60,7 +60,7 @@ class ServoModel:
     """[V]"""
     mass: Annotated[float, positive(5.0, "kg")]
     """[kg]"""
-    temperature_limit: Annotated[float, within(40.0, 150.0, "°C")]
+    temperature_limit: Annotated[float, between(40.0, 150.0, "°C")]
     """Temperature above which it switches itself off, as shipped [°C]."""
     p_gain: PGain = 800
     """Position P gain as shipped."""

@@ -12,7 +12,8 @@ from humanoid_getup.commands.output_files import (
     find_folder_problems,
     make_absolute,
 )
-from humanoid_getup.commands.values import hints_of, list_notes, name_option
+from humanoid_getup.commands.values import list_notes, name_option
+from robots.storage.validation import hints_of
 
 STANDARD_OUTPUT = "-"
 ROBOT_FILES = (

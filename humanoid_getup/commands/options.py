@@ -12,17 +12,9 @@ from tyro.conf import arg
 
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import PICTURE, READ, ROBOT, WRITTEN, find_output_problems
-from humanoid_getup.commands.values import (
-    Items,
-    at_least,
-    between,
-    convert_value,
-    find_value_problems,
-    hints_of,
-    name_choices,
-    name_option,
-)
+from humanoid_getup.commands.values import Items, convert_value, find_value_problems, name_option
 from humanoid_getup.engines.engine import Engine
+from robots.storage.validation import at_least, between, hints_of, name_choices
 
 A_REAL_ROBOT = "a real robot has the body that it has"
 MOST_SEED = 2**63 - 1  # that files keep exactly

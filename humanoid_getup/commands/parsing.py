@@ -11,13 +11,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr
 from difflib import get_close_matches
 from types import NoneType
-from typing import Any, get_args
+from typing import Any, Literal, get_args, get_origin
 
 import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.values import find_items, list_choices, name_choices, split_hint
+from humanoid_getup.commands.values import find_items
+from robots.storage.validation import name_choices, split_hint
 
 UNKNOWN, MISSING, NEAREST = "Unrecognized options:", "Missing from", "Perhaps you meant"
 """First words of the blocks in tyro's box."""
@@ -28,7 +29,7 @@ registry = ConstructorRegistry()
 @registry.primitive_rule
 def _split_at_commas(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
     """Read an option's list; `find_value_problems` reports one whose items cannot be converted."""
-    items = find_items(split_hint(info.type)[0])
+    items = find_items(info.type)
     if not items or tyro.conf.Positional in info.markers:
         return None
 
@@ -52,11 +53,11 @@ def _split_at_commas(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] |
 @registry.primitive_rule
 def _accept_any_text(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
     """Convert choices and numbers where possible; `find_value_problems` reports the rest."""
-    kinds, _ = split_hint(info.type)
-    choices = list_choices(kinds)
-    if not choices and kinds not in ({int}, {float}):
+    kind, *_ = split_hint(info.type)
+    choices = get_args(kind) if get_origin(kind) is Literal else ()
+    if not choices and kind not in (int, float):
         return None
-    convert = str if choices else next(iter(kinds))
+    convert = str if choices else kind
     takes_none = NoneType in get_args(info.type)
 
     def construct(texts: list[str]) -> Any:

@@ -1,55 +1,25 @@
-"""Values of requests, checked by type: choices by `Literal`, numbers by `Range`.
+"""Values of requests, checked by the types of their fields as those of files are.
 
 Problems name fields as the command line does: `--torque-limit`.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, fields
-from functools import cache
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin
 
 from tyro.conf import Positional
 
-MOST = 1_000_000
-"""Largest count."""
-MOST_SHOWN = 100  # characters of a value
-KINDS = {
-    int: "a whole number",
-    float: "a number",
-    bool: "True or False",
-    Path: "a file or folder",
-    str: "a text",
-}
-"""What is expected, by type."""
-
-
-@dataclass(frozen=True)
-class Range:
-    """Range of finite numbers that an option accepts; used in `Annotated`."""
-
-    lower: float
-    upper: float
-    unit: str = ""
-    step: int = 1
-    """A whole number must be a multiple of it."""
-
-    def __contains__(self, value: float) -> bool:
-        is_step = isinstance(value, float) or value % self.step == 0
-        return self.lower <= value <= self.upper and is_step
-
-    def __str__(self) -> str:
-        prefix = "" if self.step == 1 else f"a multiple of {self.step}, "
-        return f"{prefix}{self.lower:g} to {self.format(self.upper)}"
-
-    def format(self, value: float) -> str:
-        """Write a number with the unit."""
-        number = str(value) if isinstance(value, int) else f"{value:g}"
-        return f"{number} {self.unit}".rstrip()
+from robots.storage.validation import (
+    UNFIT,
+    describe_misfit,
+    fit,
+    hints_of,
+    name_choices,
+    split_hint,
+)
 
 
 @dataclass(frozen=True)
@@ -60,22 +30,6 @@ class Items:
     """Whether an item may occur twice."""
     none: bool = False
     """Whether it may be empty although its default is not; '' is no item then."""
-
-
-def at_least(lower: int, *, at_most: int = MOST, step: int = 1) -> Range:
-    """Accept whole numbers from a lower limit, or multiples of ``step``."""
-    return Range(lower, at_most, step=step)
-
-
-def between(lower: float, upper: float, unit: str = "") -> Range:
-    """Accept numbers from a lower to an upper limit."""
-    return Range(lower, upper, unit)
-
-
-def name_choices(names: Sequence[str]) -> str:
-    """Format choices as text: a, b or c."""
-    *others, last = names
-    return f"{', '.join(others)} or {last}" if others else last
 
 
 def find_value_problems(options: Any) -> list[str]:
@@ -101,20 +55,17 @@ def list_options(request: type) -> list[str]:
     return [name_option(field.name, hints[field.name]) for field in fields(request)]
 
 
-@cache
-def hints_of(request: type) -> Mapping[str, Any]:
-    """Return the types of a request's fields, with their annotations."""
-    return get_type_hints(request, include_extras=True)
-
-
 def convert_value(value: Any, hint: Any) -> Any:
-    """Convert a text to a path or a path to a text, as expected, and a list to a tuple."""
-    kinds, _ = split_hint(hint)
-    if isinstance(value, str) and Path in kinds:
-        return Path(value)
-    if isinstance(value, Path) and str in kinds:
-        return str(value)
-    if isinstance(value, list | tuple) and (items := find_items(kinds)):
+    """Convert a text to a path or a path to a text, as expected, and a list to a tuple.
+
+    Numbers and texts of NumPy become Python's own.
+    """
+    base, *_ = split_hint(hint)
+    if isinstance(value, str | Path) and base in (str, Path):
+        return base(value)
+    if isinstance(value, float):
+        return float(value)
+    if isinstance(value, list | tuple) and (items := find_items(hint)):
         return tuple(convert_value(item, items[0]) for item in value)
     return value
 
@@ -143,53 +94,16 @@ def list_notes(hint: Any) -> Iterator[Any]:
 
 def _find_problem(value: Any, hint: Any) -> str | None:
     """Describe a wrong value and what is expected; ``None`` if the value fits."""
-    kinds, limits = split_hint(hint, keep_none=True)
-    is_number = not isinstance(value, bool) and isinstance(value, int | float)
-    if is_number and limits and value not in limits:
-        return f"is {limits.format(value)}, expected {limits}"
-    if limits and isinstance(value, tuple):
-        numbers = (item for item in value if isinstance(item, int | float))
-        if outside := [item for item in numbers if item not in limits]:
-            return f"has {limits.format(outside[0])}, expected {limits}"
-    is_nan = isinstance(value, float) and math.isnan(value)
-    if not is_nan and any(_fits(value, kind) for kind in kinds):
-        return None
-    number = f", {limits}" if limits else ""
-    return f"is {_show(value)}, expected {_describe(kinds - {NoneType}, value)}{number}"
-
-
-def _fits(value: Any, kind: Any) -> bool:
-    """Return whether a value is of a type: an int is a float as well, a bool is no number."""
-    if items := get_args(kind):
-        if get_origin(kind) is Literal:
-            return value in items
-        if not isinstance(value, tuple):
-            return False
-        expected = items[:1] * len(value) if items[-1] is ... else items
-        return len(value) == len(expected) and all(map(_fits, value, expected))
-    if isinstance(value, bool):
-        return kind is bool
-    return isinstance(value, int | float if kind is float else kind)
-
-
-def _show(value: Any) -> str:
-    """Write any value in one line."""
-    line = f"'{value}'" if isinstance(value, str | Path) else " ".join(repr(value).split())
-    return line if len(line) <= MOST_SHOWN else f"{line[:MOST_SHOWN]}..."
-
-
-def _describe(kinds: set[Any], value: Any) -> str:
-    """Describe what is expected instead of a value."""
-    if choices := list_choices(kinds):
-        return name_choices(choices)
-    if items := find_items(kinds):
-        return _describe_items(items, value)
-    return next(name for kind, name in KINDS.items() if kind in kinds)
+    try:
+        fit(hint, value)
+    except UNFIT:
+        return describe_misfit(hint, value, _describe_kind(hint, value))
+    return None
 
 
 def _find_list_problem(value: Any, hint: Any, default: Any) -> str | None:
     """Return the problem of a list of any length; ``None`` if there is none."""
-    items = find_items(split_hint(hint)[0])
+    items = find_items(hint)
     if not items or items[-1] is not ... or not isinstance(value, tuple):
         return None
     accepted = next((note for note in list_notes(hint) if isinstance(note, Items)), Items())
@@ -205,31 +119,19 @@ def _find_list_problem(value: Any, hint: Any, default: Any) -> str | None:
     return f"has '{twice}' twice, expected each once"
 
 
-def split_hint(hint: Any, *, keep_none: bool = False) -> tuple[set[Any], Range | None]:
-    """Split a field's type into the types of its values, by default without `None`, and a range."""
-    limits = None
-    if get_origin(hint) is Annotated:
-        hint, *notes = get_args(hint)
-        limits = next((note for note in notes if isinstance(note, Range)), None)
-    is_union = get_origin(hint) in (Union, UnionType)
-    kinds = {
-        get_args(kind)[0] if get_origin(kind) is Annotated else kind
-        for kind in (get_args(hint) if is_union else [hint])
-    }
-    return kinds if keep_none else kinds - {NoneType}, limits
-
-
-def list_choices(kinds: set[Any]) -> tuple[str, ...]:
-    """Return the choices among types of values."""
-    return tuple(c for kind in kinds if get_origin(kind) is Literal for c in get_args(kind))
-
-
-def find_items(kinds: set[Any]) -> tuple[Any, ...]:
+def find_items(hint: Any) -> tuple[Any, ...]:
     """Return the types of a list's items, with an ellipsis for any number; () for no list."""
-    return next((get_args(kind) for kind in kinds if get_origin(kind) is tuple), ())
+    base, *_ = split_hint(hint)
+    return get_args(base) if get_origin(base) is tuple else ()
 
 
-def _describe_items(items: tuple[Any, ...], value: Any) -> str:
+def _describe_kind(hint: Any, value: Any) -> str:
+    """Describe a type that the command line names in its own way: a choice, or a list."""
+    base, *_ = split_hint(hint)
+    if get_origin(base) is Literal:
+        return name_choices(get_args(base))
+    if not (items := find_items(hint)):
+        return "True or False" if base is bool else ""
     plural = {float: "numbers", int: "whole numbers", Path: "files"}.get(items[0], "names")
     count = plural if items[-1] is ... else f"{len(items)} {plural}"
     if isinstance(value, str) and items[0] in (int, float):

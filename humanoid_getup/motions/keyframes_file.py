@@ -18,12 +18,11 @@ from robots import Robot
 from robots.body.sides import JointSides
 from robots.quaternion import Array
 from robots.storage.validation import (
-    find_unknown_keys,
-    load_toml,
+    collecting,
     name_unknown_joints,
     outside,
     positive,
-    read_table,
+    read_toml,
     shown,
 )
 
@@ -84,20 +83,13 @@ def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
     posture follows as last key, ``stand_after`` seconds later, unless the motion's ``end`` is a
     side to lie on.
     """
-    problems: list[str] = []
-    try:
-        table = load_toml(path)
-        file = read_table(_File, table, "", problems)
-    except ValueError as error:
-        raise KeyframesError(f"{path}: {error}") from error
-    problems += find_unknown_keys(_File, table)
-    names = Counter(row.name for row in file.motions)
-    problems += [f"motion {shown(name)} is there twice" for name in names if names[name] > 1]
-    reader = _Reader(robot)
-    keyframes = [reader.read(row) for row in file.motions]
-    problems += reader.problems
-    if problems:
-        raise KeyframesError(f"{path}: {'; '.join(problems)}")
+    with collecting(str(path), KeyframesError) as problems:
+        file = read_toml(_File, path, problems)
+        names = Counter(row.name for row in file.motions)
+        problems += [f"motion {shown(name)} is there twice" for name in names if names[name] > 1]
+        reader = _Reader(robot)
+        keyframes = [reader.read(row) for row in file.motions]
+        problems += reader.problems
     return [each for each in keyframes if each is not None]
 
 

@@ -19,11 +19,10 @@ from robots.ground import GROUND_FRICTION
 from robots.quaternion import Array
 from robots.storage.files import readable
 from robots.storage.validation import (
-    find_unknown_keys,
-    load_toml,
+    collecting,
     on_axes,
     positive,
-    read_table,
+    read_toml,
     shown,
 )
 
@@ -184,24 +183,14 @@ class SceneTable:
 def read_scene(file: Path, robot: Robot, name: str | None = None) -> Scene:
     """Read a scene from a TOML file, its sizes for a robot."""
     table = read_scene_table(file)
-    try:
+    with collecting(f"scene {file}"):
         return build_scene(table, robot, name or readable(file.stem))
-    except ValueError as error:
-        raise ValueError(f"scene {file}: {error}") from error
 
 
 def read_scene_table(file: Path) -> SceneTable:
     """Read a scene file."""
-    problems: list[str] = []
-    try:
-        toml = load_toml(file)
-        problems += find_unknown_keys(SceneTable, toml)
-        table = read_table(SceneTable, toml, "", problems)
-    except ValueError as error:
-        problems.append(str(error))
-    if problems:
-        raise ValueError(f"scene {file}: {'; '.join(problems)}")
-    return table
+    with collecting(f"scene {file}") as problems:
+        return read_toml(SceneTable, file, problems)
 
 
 def build_scene(table: SceneTable, robot: Robot, name: str) -> Scene:

@@ -23,7 +23,7 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.stored_motion import NearestMotion
 from robots import Posture, Robot, TorqueLimit
 from robots.servo import LimitMode
-from robots.storage.validation import load_toml, positive, read_table, whole
+from robots.storage.validation import collecting, positive, read_toml, whole
 
 PLAN, POLICY = "plan", "policy"
 RECORDS = Path("policies", "records.toml")
@@ -125,16 +125,11 @@ def load_track_record(robot: Robot) -> TrackRecord:
     file = robot.folder / RECORDS
     if not file.exists():
         return TrackRecord()
-    problems: list[str] = []
-    try:
-        found = read_table(TrackRecord, load_toml(file), "", problems)
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}") from error
-    for number, record in enumerate(found.records, start=1):
-        problems += [f"record number {number}: {problem}" for problem in _find_problems(record)]
-    if problems:
-        raise ValueError(f"{file}: {'; '.join(problems)}")
-    return found
+    with collecting(str(file)) as problems:
+        found = read_toml(TrackRecord, file, problems, is_strict=False)
+        for number, record in enumerate(found.records, start=1):
+            problems += [f"record number {number}: {problem}" for problem in _find_problems(record)]
+        return found
 
 
 def _find_problems(record: StrategyRecord) -> list[str]:

@@ -23,7 +23,7 @@ from robots.body.parts import leg_length
 from robots.quaternion import Array
 from robots.storage.files import readable, write_atomically
 from robots.storage.toml_document import Value, commented, plain, rounded, tables_of
-from robots.storage.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
+from robots.storage.validation import collecting, on_axes, positive, read_toml
 
 ALIKE = np.radians(5.0)  # by which the beginnings of curves may differ that are nearly alike
 
@@ -142,23 +142,15 @@ def load_any_style(robot: Robot) -> Style:
 
 def read_style(file: Path, robot: Robot) -> Style:
     """Read a style file, with durations for a robot."""
-    problems: list[str] = []
-    try:
-        content = load_toml(file)
-        table = read_table(StyleTable, content, "", problems)
-        problems += find_unknown_keys(StyleTable, content)
-    except ValueError as error:
-        raise ValueError(f"style file {file}: {error}") from error
     curves: list[StyleCurves] = []
-    if not problems:
-        factor = _scale(robot, table.leg_length)
-        for number, row in enumerate(table.curves, start=1):
+    with collecting(f"style file {file}") as problems:
+        table = read_toml(StyleTable, file, problems)
+        factor = 1.0 if problems else _scale(robot, table.leg_length)
+        for number, row in enumerate(() if problems else table.curves, start=1):
             try:
                 curves.append(_build(row, table.duration, factor))
             except ValueError as error:
                 problems.append(f"curves {number}: {error}")
-    if problems:
-        raise ValueError(f"style file {file}: {'; '.join(problems)}")
     return Style(name=readable(file.stem), about=table.about, curves=tuple(curves))
 
 

@@ -12,23 +12,17 @@ from msgspec import Meta
 
 from robots.bench import IMU_SITE, Load, ServoBench, make_bench, make_bench_joint
 from robots.bus_settings import BusSettings
-from robots.description.schema import (
-    MAX_CONTROL_PERIOD,
-    MAX_SUPPLY_VOLTAGE,
-    MIN_CONTROL_PERIOD,
-    complete_bus,
-)
+from robots.description.schema import ControlPeriod, SupplyVoltage, complete_bus
 from robots.imu import ImuSettings, find_imu_problems
 from robots.robot import Joint
 from robots.servo import MAX_TICKS, PGain, ServoModel
 from robots.storage.validation import (
     Sign,
-    find_unknown_keys,
+    between,
     positive,
     read_table,
     shown,
     whole,
-    within,
 )
 
 BENCH = "bench"
@@ -48,13 +42,13 @@ class BenchRow:
     sign: Sign = 1
     zero_ticks: Annotated[int, whole(-MAX_TICKS, MAX_TICKS)] | None = None
     """The middle of the servo's positions if left out."""
-    lower: Annotated[float, within(-100.0, 100.0, "rad")] | None = None
+    lower: Annotated[float, between(-100.0, 100.0, "rad")] | None = None
     """[rad]; the end of the servo's positions if left out."""
-    upper: Annotated[float, within(-100.0, 100.0, "rad")] | None = None
+    upper: Annotated[float, between(-100.0, 100.0, "rad")] | None = None
     """[rad]; the other end if left out."""
     p_gain: PGain | None = None
     """Position P gain; that of the servo type if left out."""
-    load_mass: Annotated[float, within(0.0, MAX_MASS, "kg")] = 0.0
+    load_mass: Annotated[float, between(0.0, MAX_MASS, "kg")] = 0.0
     """Mass on a lever of its horn [kg]."""
     load_arm: Annotated[float, positive(MAX_ARM, "m")] = 0.1
     """Its distance from the horn [m]."""
@@ -69,11 +63,9 @@ class BenchTable:
         tuple[BenchRow, ...], Meta(description="a list of tables, one for each servo", min_length=1)
     ]
     bus: BusSettings
-    control_period: Annotated[float, within(MIN_CONTROL_PERIOD, MAX_CONTROL_PERIOD, "s")] | None = (
-        None
-    )
+    control_period: ControlPeriod | None = None
     """[s]; one that suits the baud rate if left out."""
-    supply_voltage: Annotated[float, positive(MAX_SUPPLY_VOLTAGE, "V")] | None = None
+    supply_voltage: SupplyVoltage | None = None
     """[V]; the nominal one of the first servo if left out."""
     imu: ImuSettings | None = None
     limit_by: Literal["current", "pwm"] | None = None
@@ -83,8 +75,8 @@ def load_bench(
     folder: Path, toml: dict[str, Any], servos: Mapping[str, ServoModel], wrong_servos: list[str]
 ) -> tuple[ServoBench | None, list[str]]:
     """Load the bench of a robot.toml; return it, or None and all problems, also of servo types."""
-    problems = wrong_servos + find_unknown_keys(BenchTable, toml)
-    table = read_table(BenchTable, toml, "", problems)
+    problems = [*wrong_servos]
+    table = read_table(BenchTable, toml, "", problems, is_strict=True)
     rows = tuple(replace(row, name=row.name or f"servo_{row.id}") for row in table.bench)
     problems += _find_problems(rows, servos, table.imu)
     bus = complete_bus(table.bus, tuple(row.name for row in rows), problems)

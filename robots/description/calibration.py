@@ -12,7 +12,7 @@ from msgspec import Meta
 from robots.servo import MAX_TICKS
 from robots.storage.files import write_atomically
 from robots.storage.toml_document import table_of
-from robots.storage.validation import Sign, load_toml, name_unknown_joints, read_table, shown, whole
+from robots.storage.validation import Sign, collecting, name_unknown_joints, read_toml, shown, whole
 
 if TYPE_CHECKING:
     from robots.robot import Robot
@@ -67,19 +67,13 @@ class Calibration:
     @classmethod
     def load(cls, path: Path, robot: Robot) -> Calibration:
         """Load a robot's calibration; the error names all that is wrong."""
-        problems: list[str] = []
-        try:
-            calibration = read_table(cls, load_toml(path), "", problems)
-        except ValueError as error:
-            raise CalibrationError(f"calibration file {path}: {error}") from error
-        if calibration.robot and calibration.robot != robot.name:
-            problems.append(
-                f"it is of robot {shown(calibration.robot)}, expected {shown(robot.name)}"
-            )
-        unknown = [name for name in calibration.joints if name not in robot.joint_names]
-        problems += name_unknown_joints(unknown, robot.joint_names)
-        if problems:
-            raise CalibrationError(
-                f"calibration file {path}: {'; '.join(problems)} (make a new one: getup calibrate)"
-            )
-        return calibration
+        advice = " (make a new one: getup calibrate)"
+        with collecting(f"calibration file {path}", CalibrationError, advice) as problems:
+            calibration = read_toml(cls, path, problems, is_strict=False)
+            if calibration.robot not in ("", robot.name):
+                problems.append(
+                    f"it is of robot {shown(calibration.robot)}, expected {shown(robot.name)}"
+                )
+            unknown = [name for name in calibration.joints if name not in robot.joint_names]
+            problems += name_unknown_joints(unknown, robot.joint_names)
+            return calibration

@@ -18,6 +18,7 @@ from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE, Posture
 from robots.robot import Robot
 from robots.storage.validation import (
     Angle,
+    collecting,
     name_missing_joints,
     name_unknown_joints,
     outside,
@@ -48,12 +49,10 @@ def load_posture(path: Path, robot: Robot, *, fill: Callable[[str], None] | None
     Joints that it leaves out take the angles of the stance if ``fill`` is given, and ``fill`` is
     called with a line that names them; otherwise they are an error.
     """
-    try:
+    with collecting(f"posture file {path}"):
         record, problems = parse_file(path, "JSON", _parse_json)
-    except ValueError as error:
-        raise ValueError(f"posture file {path}: {error}") from error
-    if not isinstance(record, dict):
-        raise ValueError(f"posture file {path}: not a JSON object")
+        if not isinstance(record, dict):
+            raise ValueError("not a JSON object")
     read = read_table(_PostureFile, record, "", problems)
     norm = math.hypot(*read.orientation)
     if read.orientation and not abs(norm - 1.0) <= UNIT_TOLERANCE and math.isfinite(norm):

@@ -13,7 +13,16 @@ from msgspec import Meta
 from robots.bus_settings import MAIN_PORT, BoardSettings, BusSettings
 from robots.imu import IMU_PORT, ImuSettings, find_axes_problems, find_imu_problems
 from robots.servo import MAX_TICKS, PGain, ServoModel
-from robots.storage.validation import Angle, Names, Sign, positive, read_table, shown, whole, within
+from robots.storage.validation import (
+    Angle,
+    Names,
+    Sign,
+    between,
+    positive,
+    read_table,
+    shown,
+    whole,
+)
 
 BOARD_REGISTERS = ("gyro_address", "accelerometer_address", "gyro_scale", "accelerometer_scale")
 AXES_BYTES = 6  # of a gyro or an accelerometer: three axes, two bytes each
@@ -23,6 +32,8 @@ MAX_TURNS = 100.0  # of a servo per turn of a joint
 LEAST_SINE = 0.02  # of the angle between the rows of a coupling; less, and a servo is wasted
 MAX_SUPPLY_VOLTAGE = 48.0  # V; the servos' own ranges are narrower, and checked as well
 
+ControlPeriod = Annotated[float, between(MIN_CONTROL_PERIOD, MAX_CONTROL_PERIOD, "s")]
+SupplyVoltage = Annotated[float, positive(MAX_SUPPLY_VOLTAGE, "V")]
 Segment = Literal["head", "wrist", "hand", "finger", "thumb", "foot", "toes", "other"]
 
 
@@ -42,11 +53,11 @@ class JointRow:
     segment: Segment
     p_gain: PGain | None = None
     """Position P gain; that of the servo type if left out."""
-    gear: Annotated[float, within(0.01, 100.0)] = 1.0
+    gear: Annotated[float, between(0.01, 100.0)] = 1.0
     """Turns of the servo per turn of the joint."""
 
 
-Turns = Annotated[float, within(-MAX_TURNS, MAX_TURNS)]
+Turns = Annotated[float, between(-MAX_TURNS, MAX_TURNS)]
 TurnsRow = Annotated[tuple[Turns, Turns], Meta(description="two numbers")]
 
 
@@ -71,8 +82,8 @@ class RobotTable:
     torso: str
     neck_site: str
     sole_sites: Names
-    control_period: Annotated[float, within(MIN_CONTROL_PERIOD, MAX_CONTROL_PERIOD, "s")]
-    supply_voltage: Annotated[float, positive(MAX_SUPPLY_VOLTAGE, "V")]
+    control_period: ControlPeriod
+    supply_voltage: SupplyVoltage
     joints: Annotated[
         tuple[JointRow, ...], Meta(description="a list of tables, one for each joint")
     ]

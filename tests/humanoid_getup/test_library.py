@@ -34,7 +34,7 @@ def test_importing_the_package_is_light_and_chooses_a_gl_before_mujoco():
     )
     gl, *modules = done.stdout.split()
     assert gl == ("egl" if sys.platform == "linux" else "None")
-    heavy = {"mujoco", "numpy", "scipy", "onnxruntime", "robots", "drivers"}
+    heavy = {"mujoco", "numpy", "scipy", "onnxruntime", "robots.robot", "drivers"}
     assert heavy.intersection(modules) == set()
 
 

@@ -143,8 +143,8 @@ rise --from supine --method policy --policy moonwalk | unknown policy 'moonwalk'
 motions list --robot nao | unknown robot 'nao'
 motions show moonwalk | unknown motion 'moonwalk'
 motions build moonwalk | unknown motion 'moonwalk' | squat_to_stand
-preflight squat_to_stand --voltage 1e-320 | --voltage is 9.99989e-321 V, expected 1 to
-style edit sit-up --slower 1e-320 --out mine.toml | --slower is 9.99989e-321
+preflight squat_to_stand --voltage 1e-320 | --voltage is 1e-320 V, expected 1 to
+style edit sit-up --slower 1e-320 --out mine.toml | --slower is 1e-320
 rise --from supine --seed 999999999999999999999999999999 | expected 0 to 9223372036854775807
 motions build --engine local:0 | --engine is 'local:0', expected 1 to 256 workers
 motions build --generations -3 | --generations is -3, expected 1 to 1000000

@@ -18,10 +18,10 @@ from humanoid_getup.commands.get_up.session_hooks import Operator
 from humanoid_getup.commands.inputs import load_world, make_torque_limit
 from humanoid_getup.commands.options import PolicyName
 from humanoid_getup.commands.policies import load_policy, name_robot
-from humanoid_getup.commands.values import between
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.strategies.choice import POLICY, apply_style
 from humanoid_getup.strategies.learned_rise import LearnedRise
+from robots.storage.validation import between
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,6 @@ from humanoid_getup.commands.options import EngineOptions, PolicyName, SceneOpti
 from humanoid_getup.commands.output_files import find_file_problems
 from humanoid_getup.commands.pieces import make_absolute, make_robot_absolute, starting
 from humanoid_getup.commands.policies import name_robot
-from humanoid_getup.commands.values import at_least, between
 from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.engines.versions import checked
 from humanoid_getup.experiments.disturbances import RandomAxis
@@ -39,6 +38,7 @@ from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.scenes.named_scenes import is_random, seed_grounds
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
+from robots.storage.validation import at_least, between
 
 if TYPE_CHECKING:  # slow to import
     from sim2real.evaluation import EvaluatedPolicy, Grounds, RolloutPiece

@@ -17,7 +17,7 @@ from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import PolicyName, RobotOption
 from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.policies import load_policy, name_robot
-from humanoid_getup.commands.values import Items, between
+from humanoid_getup.commands.values import Items
 from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.foreign.description import FOREIGN_KEY
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
@@ -26,6 +26,7 @@ from humanoid_getup.policy.parity import Comparison, compare_policy, load_trace
 from humanoid_getup.progress.callback import ProgressMonitor
 from robots.storage.encoding import to_json
 from robots.storage.files import describe
+from robots.storage.validation import between
 
 POLICY_FILE, DESCRIPTION_FILE = "policy.onnx", "description.json"
 

@@ -17,10 +17,11 @@ from humanoid_getup.commands.files import FOLDER, READ
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import EngineOptions, RobotOption, Seed
 from humanoid_getup.commands.pieces import make_robot_absolute, starting
-from humanoid_getup.commands.values import Items, at_least
+from humanoid_getup.commands.values import Items
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import checked
 from humanoid_getup.progress.callback import ProgressMonitor
+from robots.storage.validation import at_least
 
 if TYPE_CHECKING:  # it needs the extra train
     from sim2real.prior_training.collect import EndPlan, PriorPiece, RunPlans

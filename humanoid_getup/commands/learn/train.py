@@ -17,10 +17,10 @@ from humanoid_getup.commands.errors import BadInputError, needing, refusing
 from humanoid_getup.commands.files import FOLDER, MADE, READ, ROBOT
 from humanoid_getup.commands.inputs import load_robot, load_robot_of
 from humanoid_getup.commands.options import RobotOption, Seed
-from humanoid_getup.commands.values import at_least
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.physics_engine import PhysicsEngine
+from robots.storage.validation import at_least
 
 if TYPE_CHECKING:
     from sim2real.training.export import Exported

@@ -33,7 +33,6 @@ from humanoid_getup.commands.look.bench_rise import LOADS, print_figures
 from humanoid_getup.commands.options import BodyOption, EngineOptions, RobotOption, Seed
 from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.pieces import make_worker_request, starting
-from humanoid_getup.commands.values import at_least
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import Versions, checked
 from humanoid_getup.experiments.falls import CLASSES
@@ -44,6 +43,7 @@ from humanoid_getup.reporting.film_strip import AFTERMATH, NoRendererError, save
 from humanoid_getup.simulation.world import World
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
+from robots.storage.validation import at_least
 
 PAGE, FIGURES, PLOT = "benchmark.md", "benchmark.json", "benchmark.png"
 LEDGER = "benchmark.jsonl"

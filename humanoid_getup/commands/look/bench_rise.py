@@ -36,7 +36,6 @@ from humanoid_getup.commands.options import (
     SceneOptions,
 )
 from humanoid_getup.commands.pieces import make_worker_request, starting
-from humanoid_getup.commands.values import between
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import Versions, checked
 from humanoid_getup.experiments.falls import sample_falls
@@ -44,6 +43,7 @@ from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots.storage.validation import between
 
 HEADINGS = {
     "n": "n",

@@ -19,7 +19,6 @@ from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.files import READ, ROBOT, Written
 from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.commands.output_files import staging
-from humanoid_getup.commands.values import between
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting import plots
@@ -39,6 +38,7 @@ from robots.quaternion import Array
 from robots.servo import LIMIT_MODES, LimitMode
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
+from robots.storage.validation import between
 
 REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
 FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES

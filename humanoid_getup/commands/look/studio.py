@@ -14,7 +14,7 @@ from humanoid_getup.commands.command import program
 from humanoid_getup.commands.console import phase
 from humanoid_getup.commands.errors import DID_IT, needing
 from humanoid_getup.commands.options import BodyOption, SceneOptions
-from humanoid_getup.commands.values import between
+from robots.storage.validation import between
 
 LAST_PORT = 65535
 LONGEST_WAIT = 1.0  # s

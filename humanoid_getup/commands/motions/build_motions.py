@@ -23,7 +23,6 @@ from humanoid_getup.commands.inputs import find_keyframes, load_robot
 from humanoid_getup.commands.options import Count, EngineOptions, Prefer, RobotOption, write_command
 from humanoid_getup.commands.output_files import find_folder_problems
 from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
-from humanoid_getup.commands.values import between
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.engines.versions import checked
@@ -52,6 +51,7 @@ from humanoid_getup.progress.callback import CancelledError, Progress, ProgressM
 from humanoid_getup.progress.worker import report
 from humanoid_getup.reporting.film_strip import NoRendererError, draw_motion
 from robots import Robot
+from robots.storage.validation import between
 
 MOST_CMA_SEED = 2**31
 LOG, BEST, KEYS, STRIP = ".jsonl", ".npz", ".toml", ".png"

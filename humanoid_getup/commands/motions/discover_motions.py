@@ -32,7 +32,6 @@ from humanoid_getup.commands.options import (
 )
 from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
-from humanoid_getup.commands.values import at_least, between
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import checked
 from humanoid_getup.motions.motion import Motion
@@ -42,6 +41,7 @@ from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, 
 from humanoid_getup.progress.worker import report
 from humanoid_getup.reporting.film_strip import NoRendererError, PostureRow, draw_motions
 from robots import Robot
+from robots.storage.validation import at_least, between
 
 DEFAULT_ROBOT = "op3"
 

@@ -15,10 +15,10 @@ from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.options import MotionName, RobotOption
-from humanoid_getup.commands.values import between, name_choices
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.ros.joint_trajectory import JointTrajectory
 from robots.storage.files import write_atomically
+from robots.storage.validation import between, name_choices
 
 TRAJECTORY_SUFFIXES = (".yaml", ".yml", ".json")
 

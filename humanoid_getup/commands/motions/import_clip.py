@@ -19,9 +19,9 @@ from humanoid_getup.commands.files import MADE, READ
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import RobotOption
 from humanoid_getup.commands.output_files import find_file_problems
-from humanoid_getup.commands.values import between
 from humanoid_getup.motions.retarget_clip import ClipRetargeter, RetargetedClip
 from humanoid_getup.progress.callback import ProgressMonitor
+from robots.storage.validation import between
 
 CLIPS = "FILE.bvh, or FILE.asf FILE.amc"
 NOT_OF_NAMES = re.compile(r"[^\w.-]+")

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.values import name_choices
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.build import UNFINISHED, motion_file
 from humanoid_getup.motions.keyframes import Keyframes
@@ -36,6 +35,7 @@ from robots import Robot, TorqueLimit
 from robots.body.limbs import Limbs
 from robots.quaternion import Array
 from robots.storage.arrays import save_arrays
+from robots.storage.validation import name_choices
 
 if TYPE_CHECKING:
     from humanoid_getup.commands.motions.discover_motions import DiscoverRequest

@@ -16,7 +16,6 @@ from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.plan.styles import StyleOutput, print_times
-from humanoid_getup.commands.values import between
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.strategies.learned_rise import measure_motion
 from humanoid_getup.style.curves import UPRIGHT_STAND, extract_curves, is_stand, measure_clip, trim
@@ -26,6 +25,7 @@ from robots import Robot
 from robots.body.parts import leg_length
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
+from robots.storage.validation import between
 
 MOTION, LOG = ".npz", ".mcap"
 

@@ -21,7 +21,6 @@ from humanoid_getup.commands.files import READ, Written
 from humanoid_getup.commands.inputs import find_start, load_keys, load_world
 from humanoid_getup.commands.options import NO_ORIGIN, BodyOption, Keys, Origin, SceneOptions
 from humanoid_getup.commands.output_files import staging
-from humanoid_getup.commands.values import at_least
 from humanoid_getup.experiments.falls import Fall, classify
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import (
@@ -40,6 +39,7 @@ from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.film_strip import NoRendererError, draw_motion
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
+from robots.storage.validation import at_least
 
 CONNECTIONS = 6  # as many as a planned rise tries
 PATH, STRIP = "path.npz", "strip.png"

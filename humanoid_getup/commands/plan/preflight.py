@@ -15,7 +15,6 @@ from humanoid_getup.commands.console import make_table
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, refusing
 from humanoid_getup.commands.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.commands.options import BodyOption, MotionName, SceneOptions, TorqueOptions
-from humanoid_getup.commands.values import between
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback import preflight as judging
 from humanoid_getup.playback.play import describe_end
@@ -24,6 +23,7 @@ from humanoid_getup.playback.preflight_rollout import MOST_RISES
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
+from robots.storage.validation import between
 
 HEADINGS = ("joint", "peak N·m", "of limit", "RMS N·m", "saturated s", "after °C")
 SHOWN = 6  # joints in the table, the most loaded first

@@ -18,7 +18,6 @@ from humanoid_getup.commands.console import find_json_target, make_table
 from humanoid_getup.commands.files import READ, WRITTEN
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import BodyOption, RobotOption
-from humanoid_getup.commands.values import between
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.plots import save_styles
 from humanoid_getup.style.curves import StyleCurves
@@ -26,6 +25,7 @@ from humanoid_getup.style.style import SUFFIX, Style, load_style, write_style
 from humanoid_getup.style.style import list_styles as list_names
 from humanoid_getup.style.style_editor import hold, rise_time, shift_rise
 from robots import Robot
+from robots.storage.validation import between
 
 Factor = Annotated[float | None, between(1e-4, 1e4), arg(metavar="FACTOR")]
 Shift = Annotated[float | None, between(0.001, 1000.0, "s"), arg(metavar="S")]

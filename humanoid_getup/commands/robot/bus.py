@@ -29,13 +29,14 @@ from humanoid_getup.commands.inputs import find_start, load_robot
 from humanoid_getup.commands.options import BodyOption, SceneOptions
 from humanoid_getup.commands.prompt import TypedLines
 from humanoid_getup.commands.robot.virtual_person import VirtualPerson
-from humanoid_getup.commands.values import Items, between
+from humanoid_getup.commands.values import Items
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Joint, Posture, Robot
 from robots.bench import BARE, Load, ServoBench, make_bench, make_bench_joint
 from robots.description.bench_table import MAX_ARM, MAX_MASS
 from robots.description.servo_catalog import servo_models
+from robots.storage.validation import between
 
 CHECK_PERIOD = 0.2  # s between two checks that the buses still run
 LATE = 0.5  # s by which physics falls further behind before that is said

@@ -20,11 +20,11 @@ from humanoid_getup.commands.files import FOLDER
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import ServiceOptions
 from humanoid_getup.commands.prompt import open_prompt
-from humanoid_getup.commands.values import between
 from humanoid_getup.motions.motion_database import list_lying_down, list_motions, load_database
 from robots import Robot
 from robots.imu import IMU_PORT
 from robots.storage.files import write_atomically
+from robots.storage.validation import between
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,6 @@ from humanoid_getup.commands.errors import DID_IT, HARDWARE_FAULT
 from humanoid_getup.commands.inputs import find_start, load_world
 from humanoid_getup.commands.options import A_REAL_ROBOT, BodyOption, OriginOption, ViewOptions
 from humanoid_getup.commands.prompt import QuitKey
-from humanoid_getup.commands.values import between
 from humanoid_getup.commands.viewer import viewing
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.watched_robot import (
@@ -37,6 +36,7 @@ from humanoid_getup.reporting.watched_robot import (
     format_degrees,
 )
 from robots import FULL_TORQUE, Robot
+from robots.storage.validation import between
 
 WATCHING, RELEASED = "watching", "a person ended it"
 SUPPORT = "torque goes off now, and stays off: support the robot"

@@ -28,8 +28,8 @@ from humanoid_getup.commands.console import console_for, count_of, make_table, p
 from humanoid_getup.commands.errors import DID_IT, HARDWARE_FAULT
 from humanoid_getup.commands.prompt import QuitKey
 from humanoid_getup.commands.servo.registers import ID, AnyPortOptions, Baud, ServoOptions
-from humanoid_getup.commands.values import between
 from robots.bus_settings import BAUD_RATES
+from robots.storage.validation import between
 
 HEADINGS = ("mode", "torque", "°", "°/s", "load", "V", "°C", "error")
 LEFT = ("model", "mode", "torque", "error")

@@ -24,9 +24,9 @@ from humanoid_getup.commands.inputs import choose_joints, name_ports
 from humanoid_getup.commands.options import NO_PORT, JsonOption, Ports
 from humanoid_getup.commands.prompt import is_confirmed
 from humanoid_getup.commands.servo.registers import ID, NOT_WRITTEN, Baud, Protocol
-from humanoid_getup.commands.values import between
 from robots import Robot, TorqueLimit, load_robot
 from robots.bus_settings import MAIN_PORT
+from robots.storage.validation import between
 
 CLOSE = math.radians(3.0)  # to its target, where a servo has arrived
 SHARE_OF_STALL = 0.5  # torque without a limit

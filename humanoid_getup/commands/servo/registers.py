@@ -16,9 +16,9 @@ from humanoid_getup.commands.console import console_for, make_table
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND
 from humanoid_getup.commands.options import NO_PORT, JsonOption
 from humanoid_getup.commands.prompt import is_confirmed
-from humanoid_getup.commands.values import Range
+from robots.storage.validation import between
 
-ID = Range(0, 253)
+ID = between(0, 253)
 NOT_WRITTEN = "nothing is written"
 HEADINGS = ("register", "address", "bytes", "counts", "value", "range", "kept")
 Baud = Annotated[int | None, arg(metavar="BIT/S")]

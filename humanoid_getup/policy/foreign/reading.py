@@ -38,7 +38,7 @@ from humanoid_getup.policy.onnx_file import (
 )
 from robots.quaternion import Array
 from robots.storage.files import check_file, describe, read_bounded
-from robots.storage.validation import Names, read_table, whole, within
+from robots.storage.validation import Names, between, read_table, whole
 
 PICKLES = (b"PK\x03\x04", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05")
 """First bytes of files that torch and pickle write."""
@@ -235,12 +235,12 @@ class Microduck:
     joint_names: Names
     default_joint_pos: Annotated[Any, Meta(description="numbers")]
     action_scale: Annotated[Any, Meta(description="numbers")]
-    control_hz: Annotated[float, within(0.1, 10_000.0, "Hz")]
+    control_hz: Annotated[float, between(0.1, 10_000.0, "Hz")]
     observation: Annotated[
         tuple[tuple[str, Annotated[int, whole(1, 10_000)]], ...],
         Meta(min_length=1, description="[[name, width], ...]"),
     ]
-    kp_fw: Annotated[float, within(0.0, 1e5)] | None = None
+    kp_fw: Annotated[float, between(0.0, 1e5)] | None = None
     """A register value of the servos."""
 
 

@@ -78,7 +78,7 @@ WRONG = [
     ("color", "pink", "color is 'pink', expected red, green, blue"),
     ("length", 1e-320, "length is 1e-320 m, expected at least 1e-09 m, at most 2 m"),
     ("length", 3, "length is 3 m, expected above 0 m, at most 2 m"),
-    ("length", float("nan"), "length is nan, expected above 0 m, at most 2 m"),
+    ("length", float("nan"), "length is nan m, expected above 0 m, at most 2 m"),
     ("length", 10**400, "length is an integer of 1329 bits, expected above 0 m, at most 2 m"),
     ("names", [], "names is [], expected a list of texts, at least one"),
     ("names", ["a", "a"], "names is ['a', 'a'], expected each name once"),

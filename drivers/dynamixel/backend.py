@@ -54,8 +54,6 @@ STILL = 0.1  # s in which the clock of a servo, which counts milliseconds, must 
 class DriverOptions:
     """How a driver uses its buses; the defaults suit a robot."""
 
-    period: float | None = None
-    """Control period [s]; None for the robot's own."""
     answer_margin: float | None = None
     """How long a reply may take beyond its bytes' own time [s]; None for `ANSWER_MARGIN`, or
     `LOCK_STEP_MARGIN` with simulated time."""
@@ -112,7 +110,7 @@ class DynamixelBackend(Backend):
         ports = name_devices(robot, ports)
         self.robot, self._bus_settings = robot, check_description(robot, ports, without_imu)
         options = options or DriverOptions()
-        self.period = robot.control_period if options.period is None else options.period
+        self.period = robot.control_period
         self._clock = clock or Clock()
         self.limit_by: LimitMode = check_limit_mode(robot, limit_by or robot.limit_by)
         self._converter, self._units = CommandConverter(robot, self.limit_by), ServoUnits(robot)

@@ -12,7 +12,7 @@ from drivers.imu.fusion import OrientationFilter
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State, check_command
 from drivers.twin.device_models import CURRENT_STEP, VELOCITY_STEP, VOLTAGE_STEP, quantize
-from drivers.twin.simulation import CompiledWorld, Simulation, SimulationOptions
+from drivers.twin.simulation import CompiledWorld, Simulation
 from robots import Posture, Robot
 from robots.arguments import expect
 from robots.drive import Drive, limit_servos
@@ -35,7 +35,6 @@ class Twin(Backend):
         voltage: float | None = None,
         limit_by: LimitMode | None = None,
         without_imu: bool = False,
-        options: SimulationOptions | None = None,
     ) -> None:
         """Build a twin, torque off; what is not listed here is as in `Simulation`.
 
@@ -50,7 +49,7 @@ class Twin(Backend):
         """
         expect("world", world, Robot | CompiledWorld, "a Robot or a World, e.g. World(robot)")
         expect("start", start, Posture | None, "a Posture, e.g. fall.posture")
-        self.simulation = Simulation(world, voltage=voltage, options=options)
+        self.simulation = Simulation(world, voltage=voltage)
         self.robot, self.period = self.simulation.robot, self.simulation.period
         self.model, self.data = self.simulation.model, self.simulation.data
         self.truth = self.simulation.truth

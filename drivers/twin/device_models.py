@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 
@@ -21,22 +19,6 @@ AMBIENT_TEMPERATURE = 25.0  # °C
 # the same shape and density, so that their surface grows with mass to the power of 2/3.
 SPECIFIC_HEAT = 500.0  # J/(kg·K)
 REFERENCE_MASS, REFERENCE_RESISTANCE = 0.082, 13.0  # kg, K/W
-
-
-@dataclass(frozen=True, kw_only=True)
-class SensorNoise:
-    """Standard deviations of white noise, added before each sensor's resolution."""
-
-    joint_pos: float = 0.0
-    """[rad]"""
-    joint_vel: float = 0.0
-    """[rad/s]"""
-    joint_current: float = 0.0
-    """[A]"""
-    gyro: float = 0.0
-    """[rad/s]"""
-    accelerometer: float = 0.0
-    """[m/s²]"""
 
 
 class Windings:
@@ -67,10 +49,6 @@ class Windings:
         """Compute the voltages [V] at which ideal motors make torques [N·m] at speeds, (n,)."""
         return torque * self._volts_per_torque + self._motor_constant * velocity
 
-    def compute_power(self, current: Array, torque: Array, velocity: Array) -> float:
-        """Compute the electrical power [W] that all servos draw; braking gives none back."""
-        return float(np.maximum(current**2 * self._resistance + torque * velocity, 0.0).sum())
-
     def compute_warming(self, current: Array) -> Array:
         """Compute the final temperatures of servos over the air's at currents [A], (n,) [K]."""
         return current**2 * self._resistance * self.heat_resistance
@@ -94,12 +72,8 @@ class TwinImu:
     is exact: sampled at 125 Hz without a filter, impacts would cost two degrees of tilt.
     """
 
-    def __init__(
-        self, model: mujoco.MjModel, site: str, noise: SensorNoise, rng: np.random.Generator
-    ) -> None:
-        self._model = model
-        self._site = model.site(site).id
-        self._noise, self._rng = noise, rng
+    def __init__(self, model: mujoco.MjModel, site: str) -> None:
+        self._model, self._site = model, model.site(site).id
         self._pose = np.zeros(4)  # true orientation at the last sample
         self._velocity = np.zeros(6)  # true velocity there: angular, linear, in the world
         self.gyro = np.zeros(3)
@@ -110,7 +84,7 @@ class TwinImu:
     def start(self, data: mujoco.MjData) -> None:
         """Start at the simulation's present pose, at rest."""
         self._sample_pose(data)
-        self.gyro = self._sense_gyro(np.zeros(3))
+        self.gyro = np.zeros(3)
         self.accelerometer = self._sense_force(data, np.zeros(3))
 
     def advance(self, data: mujoco.MjData, period: float) -> None:
@@ -119,7 +93,7 @@ class TwinImu:
         self._sample_pose(data)
         turn_b = np.zeros(3)
         mujoco.mju_subQuat(turn_b, self._pose, pose)
-        self.gyro = self._sense_gyro(turn_b / period)
+        self.gyro = _measure(turn_b / period, GYRO_STEP)
         self.accelerometer = self._sense_force(data, (self._velocity[3:] - velocity) / period)
 
     def _sample_pose(self, data: mujoco.MjData) -> None:
@@ -127,16 +101,9 @@ class TwinImu:
         mujoco.mj_objectVelocity(self._model, data, site, self._site, self._velocity, 0)
         mujoco.mju_mat2Quat(self._pose, data.site_xmat[self._site])
 
-    def _sense_gyro(self, rate_b: Array) -> Array:
-        if self._noise.gyro:
-            rate_b = rate_b + self._rng.normal(0.0, self._noise.gyro, 3)
-        return _measure(rate_b, GYRO_STEP)
-
     def _sense_force(self, data: mujoco.MjData, acceleration: Array) -> Array:
         R = data.site_xmat[self._site].reshape(3, 3)
         force_b = (acceleration - self._model.opt.gravity) @ R
-        if self._noise.accelerometer:
-            force_b = force_b + self._rng.normal(0.0, self._noise.accelerometer, 3)
         return _measure(force_b, ACCELEROMETER_STEP)
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
 
 from drivers.errors import NoImuError, SetupError
-from drivers.twin.device_models import SensorNoise, TwinImu, Windings
+from drivers.twin.device_models import TwinImu, Windings
 from drivers.twin.ground_truth import GroundTruth
 from robots import Posture, Robot
 from robots.drive import Drive
@@ -26,20 +25,6 @@ from robots.robot import LONGEST_TIMESTEP
 REST_SPEED, REST_TIME, NOSLIP_ITERATIONS = 0.05, 1.0, 5  # rad/s and m/s; s
 # kg, kg·m², N·s/m and N·m·s: neither gravity nor a servo moves what is held, and it does not creep.
 HELD_INERTIA = HELD_DAMPING = 1e8
-
-
-@dataclass(frozen=True, kw_only=True)
-class SimulationOptions:
-    """How a simulation measures and what supplies it; by default as the robot is described."""
-
-    supply_resistance: float = 0.0
-    """Of battery and wires [ohm]; the supply sags by it."""
-    period: float | None = None
-    """Time between two sensor updates [s]; None for the robot's own."""
-    noise: SensorNoise | None = None
-    """Of the sensors; None for their resolution alone."""
-    rng: np.random.Generator | None = None
-    """Source of the noise; None for one of a fixed seed."""
 
 
 @runtime_checkable
@@ -63,26 +48,18 @@ class Simulation:
     It depends on no bus and no controller: the twin and the virtual bus are two interfaces to it.
     """
 
-    def __init__(
-        self,
-        world: CompiledWorld | Robot,
-        *,
-        voltage: float | None = None,
-        options: SimulationOptions | None = None,
-    ) -> None:
+    def __init__(self, world: CompiledWorld | Robot, *, voltage: float | None = None) -> None:
         """Build a robot in its standing posture, torque off.
 
         Args:
             world: World to simulate, in a copy of its model; a robot alone is put on a plane.
-            voltage: Supply without load [V]; ``None`` for the robot's nominal one.
-            options: Its sensors and its wiring; ``None`` for the defaults.
+            voltage: Supply [V]; ``None`` for the robot's nominal one.
         """
         if isinstance(world, Robot):
             robot, self.model = world, build_flat_world(world)
         else:
             robot, self.model = world.robot, copy.copy(world.model)
-        self.robot, options = robot, options or SimulationOptions()
-        self.period = robot.control_period if options.period is None else options.period
+        self.robot, self.period = robot, robot.control_period
         self.data = mujoco.MjData(self.model)
         self.steps_per_period = _count_steps(self.period, self.model.opt.timestep)
         self._layout = robot.layout(self.model)
@@ -90,14 +67,11 @@ class Simulation:
         if voltage is not None and not 0.0 < voltage < math.inf:
             raise ValueError(f"voltage is {voltage:g} V, expected a finite number above 0 V")
         self._supply = robot.supply_voltage if voltage is None else voltage
-        self._supply_resistance = options.supply_resistance
-        self._supply_varies = bool(options.supply_resistance)
-        self._noise = options.noise or SensorNoise()
-        self._rng = options.rng or np.random.default_rng(0)
+        self._supply_varies = False
         self._windings = Windings(robot)
         self._imu: TwinImu | None = None
         if robot.imu_site is not None:
-            self._imu = TwinImu(self.model, robot.imu_site, self._noise, self._rng)
+            self._imu = TwinImu(self.model, robot.imu_site)
         self.truth = GroundTruth(robot, self.model, self.data)
         self._grip: Grip | None = None
         self.on_sensor_update: list[Callable[[], None]] = []
@@ -120,18 +94,18 @@ class Simulation:
 
     @property
     def joint_pos(self) -> Array:
-        """Return the joint angles with noise, not yet quantized [rad], (n,)."""
-        return self._add_noise(self.data.qpos[self._layout.qpos], self._noise.joint_pos)
+        """Return the joint angles, not yet quantized [rad], (n,)."""
+        return self.data.qpos[self._layout.qpos]
 
     @property
     def joint_vel(self) -> Array:
-        """Return the joint speeds with noise [rad/s], (n,)."""
-        return self._add_noise(self.data.qvel[self._layout.dof], self._noise.joint_vel)
+        """Return the joint speeds [rad/s], (n,)."""
+        return self.data.qvel[self._layout.dof]
 
     @property
     def joint_current(self) -> Array:
-        """Return the motor currents with noise [A], (n,)."""
-        return self._add_noise(self._current, self._noise.joint_current)
+        """Return the motor currents [A], (n,)."""
+        return self._current
 
     @property
     def has_torque(self) -> bool:
@@ -144,7 +118,7 @@ class Simulation:
         return self._windings.temperature
 
     def sag(self, voltage: float) -> None:
-        """Set the supply without load [V]."""
+        """Set the supply [V]."""
         self._supply = self.voltage = voltage
         self._supply_varies = True
 
@@ -225,7 +199,7 @@ class Simulation:
         """Advance by some steps of physics."""
         for k in range(steps):
             if k == steps - 1:
-                self.torque_vel = self._read_actuator_speed()
+                self.torque_vel = self.robot.transmission.to_actuator(self.joint_vel)
             # Together they are mj_step, but leave positions and contacts up to date.
             mujoco.mj_step2(self.model, self.data)
             mujoco.mj_step1(self.model, self.data)
@@ -243,16 +217,8 @@ class Simulation:
         if self._imu is not None:
             self._imu.advance(self.data, duration)
         self._hold_at_rest(duration)
-        if self._supply_resistance:
-            velocity = self._read_actuator_speed()
-            power = self._windings.compute_power(self._current, torque, velocity)
-            self.voltage = self._supply - self._supply_resistance * power / self.voltage
         for callback in self.on_sensor_update:
             callback()
-
-    def _read_actuator_speed(self) -> Array:
-        """Return the speeds of the servos behind their gears [rad/s], (n,)."""
-        return self.robot.transmission.to_actuator(self.data.qvel[self._layout.dof])
 
     def _hold_at_rest(self, duration: float) -> None:
         """Let friction hold a robot that has come to rest without torque."""
@@ -262,9 +228,6 @@ class Simulation:
         self.model.opt.noslip_iterations = NOSLIP_ITERATIONS if rests else 0
         if rests and not is_held:
             mujoco.mj_projectConstraint(self.model, self.data)  # for the noslip solver's matrix
-
-    def _add_noise(self, value: Array, deviation: float) -> Array:
-        return value + self._rng.normal(0.0, deviation, len(value)) if deviation else value
 
 
 class Grip:

@@ -49,10 +49,6 @@ class WireStatistics:
     """Bytes lost because the client did not read."""
     missed: int = 0
     """Bytes lost because the client changed its baud rate before they arrived."""
-    deliveries: int = 0
-    """Batches of bytes delivered in real time."""
-    lateness_total: float = 0.0
-    """Sum of their delays behind the wire's own timing [s]."""
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,8 @@ class RealTime:
         """Process due events, then wait for the next one, for bytes, or for physics."""
         while self._next_event <= self.now:
             if self._batches and self._batches[0].at <= self._complete_at:
-                self._send(self._batches.popleft())
+                batch = self._batches.popleft()
+                self._exchange.deliver(self._wire, batch.data, batch.baud)
             else:
                 self._run_instruction()
         now, coming = self.now, self._next_event
@@ -161,12 +162,6 @@ class RealTime:
         """Return when the adapter delivers bytes that it received at a time [s]."""
         latency = self._adapter_latency
         return math.ceil(at / latency) * latency if latency else at
-
-    def _send(self, batch: Batch) -> None:
-        self._exchange.deliver(self._wire, batch.data, batch.baud)
-        statistics = self._exchange.statistics
-        statistics.deliveries += 1
-        statistics.lateness_total += self.now - batch.at
 
 
 def _sleep_precisely() -> None:

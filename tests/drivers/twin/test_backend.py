@@ -11,7 +11,7 @@ from nonempty import nonempty
 from drivers import Command, SafetyGuard, Twin
 from drivers.errors import SetupError
 from drivers.servo_units import ServoUnits
-from drivers.twin.simulation import SimulationOptions, build_flat_world
+from drivers.twin.simulation import build_flat_world
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 
@@ -99,7 +99,7 @@ def test_a_lower_supply_makes_slower_servos(tiny):
 
 
 def test_a_stalled_servo_heats_up_and_is_stopped_by_the_guard(tiny):
-    twin = Twin(tiny, options=SimulationOptions(period=0.1))  # few cycles, and the same physics
+    twin = Twin(replace(tiny, control_period=0.1))  # few cycles, and the same physics
     twin.model.jnt_range[1:] = [[0.0, 0.001]] * 2  # legs that cannot move
     stall = Command.position(tiny, np.full(2, 1.0))
     with SafetyGuard(twin) as guard:
@@ -117,7 +117,7 @@ def test_a_stalled_servo_heats_up_and_is_stopped_by_the_guard(tiny):
 def test_physics_that_do_not_fit_the_robot_are_refused(tiny):
     for period in (0.005, 0.0):
         with pytest.raises(SetupError, match="not a multiple"):
-            Twin(tiny, options=SimulationOptions(period=period))
+            Twin(World(replace(tiny, control_period=period), model=build_flat_world(tiny)))
     model = build_flat_world(tiny)
     model.opt.timestep = 0.004
     with pytest.raises(SetupError, match=r"0\.004 s, expected at most 0\.002 s"):
@@ -155,11 +155,3 @@ def test_limits_that_change_back_are_those_from_before(op3):
     assert np.all(second.torque_limit < 0.11 * first.torque_limit)
     assert np.all(by_pwm.pwm_limit < 0.2)
     assert np.all(second.pwm_limit > 0.4)
-
-
-def test_the_supply_sags_under_load_and_recovers(op3):
-    twin = Twin(op3, options=SimulationOptions(supply_resistance=0.2))
-    assert play(twin, Command.limp(op3.n), 1).voltage == pytest.approx(12.0)
-    loaded = play(twin, Command.position(op3, op3.standing.joint_pos + 0.3), 5).voltage
-    assert 9.0 < loaded < 11.9
-    assert play(twin, Command.limp(op3.n), 5).voltage == pytest.approx(12.0)

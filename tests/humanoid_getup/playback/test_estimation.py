@@ -7,7 +7,6 @@ import pytest
 from nonempty import nonempty
 
 from drivers import FaultKind, SafetyGuard, State, Twin
-from drivers.twin.simulation import SimulationOptions
 from humanoid_getup.experiments.falls import sample_falls, settle_posture
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.estimation import (
@@ -33,7 +32,9 @@ def lateral(op3: Robot, world: World) -> Posture:
 
 
 def lie_down(world: World, posture: Posture, period: float | None = None) -> Twin:
-    twin = Twin(world, options=SimulationOptions(period=period))
+    if period is not None:
+        world = World(replace(world.robot, control_period=period))
+    twin = Twin(world)
     twin.place(posture)
     return twin
 

@@ -100,16 +100,3 @@ def test_an_idle_port_is_tidied_now_and_then_and_a_used_one_is_not(monkeypatch):
     assert served.wire.tidied == 0
     served.run(9.5 * IDLE)
     assert 2 <= served.wire.tidied <= 4
-
-
-def test_lateness_is_counted(monkeypatch):
-    """Another thread holds the interpreter for 2 ms when the reply is due."""
-    served = Served(monkeypatch, FakeDevices(IDS, delay=0.01))
-    served.send(0.01, READ)
-    served.run(0.015)
-    due = 0.01 + (14 + 15) * BYTE + 0.01
-    served.wire.now = 100.0 + due + 0.002
-    served.bus.serve()
-    statistics = served.exchange.statistics
-    assert statistics.deliveries == 1
-    assert statistics.lateness_total == pytest.approx(0.002)

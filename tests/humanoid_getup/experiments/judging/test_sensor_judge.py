@@ -1,17 +1,16 @@
 """The judge that has sensors alone, against the one that knows the truth."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 from recording_backend import still_state
 
-from drivers import Command, Cycle, SafetyGuard, Twin, run
+from drivers import Command, Cycle, SafetyGuard, State, Twin, run
 from drivers.control_loop import Timing
 from drivers.safety_limits import ClipCounts
-from drivers.twin.device_models import SensorNoise
-from drivers.twin.simulation import SimulationOptions
 from humanoid_getup.experiments.falls import settle_posture
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
@@ -22,16 +21,28 @@ from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion
 from robots.kinematics import GravitySense, lowest_point, place, read_posture, torso_orientation
 
-NOISE = SensorNoise(
-    joint_pos=0.001, joint_vel=0.02, joint_current=0.02, gyro=0.01, accelerometer=0.1
-)
+NOISE = {"joint_pos": 0.001, "joint_vel": 0.02, "joint_current": 0.02, "gyro": 0.01}
+"""Standard deviations [rad, rad/s, A, rad/s]."""
 MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).motions}
 WORLD = World(load_robot("op3"))
 
 
+class NoisyTwin(Twin):
+    """A twin whose sensors have white noise."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        self._rng = np.random.default_rng(1)
+
+    def read(self) -> State:
+        state = super().read()
+        noisy = {name: self._rng.normal(getattr(state, name), size) for name, size in NOISE.items()}
+        return replace(state, **noisy)
+
+
 def judge_twice(world: World, motion: Motion, start: Motion) -> tuple[Outcome, Outcome, Twin]:
     """Play a motion from where another begins; judge by truth and by noisy sensors."""
-    twin = Twin(world, options=SimulationOptions(noise=NOISE, rng=np.random.default_rng(1)))
+    twin = NoisyTwin(world)
     at_rest = settle_posture(world, start.posture(0))
     twin.place(read_posture(world.robot, world.model, at_rest))
     truth, sensed = GroundTruthJudge(twin.simulation, None), SensorJudge(world, twin.period, None)

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.control_table import ControlTable, table_named
-from drivers.dynamixel.goal_ranges import (
+from drivers.dynamixel.configuration import (
     SLOPES,
     GoalScales,
     goal_range,
@@ -18,6 +17,7 @@ from drivers.dynamixel.goal_ranges import (
     round_gain,
     to_slope,
 )
+from drivers.dynamixel.control_table import ControlTable, table_named
 from drivers.dynamixel.protocol2 import Instruction, bulk_write
 from drivers.dynamixel.requests import SyncWriter
 from drivers.dynamixel.servo_states import ServoStates

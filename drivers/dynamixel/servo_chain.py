@@ -12,11 +12,10 @@ import numpy as np
 from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.command_writer import CommandWriter, RegisterCommands
-from drivers.dynamixel.configuration import ServoSetup
+from drivers.dynamixel.configuration import ServoSetup, goal_range
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import MISSES, CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
-from drivers.dynamixel.goal_ranges import goal_range
 from drivers.dynamixel.protocol2 import ALERT, Span
 from drivers.dynamixel.requests import Replies, Request
 from drivers.dynamixel.robot_ports import RobotPort

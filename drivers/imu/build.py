@@ -8,8 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from drivers.imu.bno055 import Bno055, I2cRegisters, UartRegisters
-from drivers.imu.bno08x_i2c import Bno08xI2c
-from drivers.imu.bno08x_rvc import Bno08xRvc
+from drivers.imu.bno08x import Bno08xI2c, Bno08xRvc
 from drivers.imu.i2c import I2cChip, LinuxI2cChip, SocketI2cChip
 from drivers.imu.serial_line import SerialLineImu
 from drivers.imu.source import ImuError, ImuSample, ImuSource, SerialLink

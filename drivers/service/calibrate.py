@@ -24,8 +24,7 @@ from drivers.servo_units import fits_one_turn, tick_range
 from robots import Joint, Robot, quaternion
 from robots.description.calibration import Calibration, JointCalibration
 from robots.imu import AxesSetting, SensorAxes, find_axes_problems
-from robots.joint_directions import find_directions
-from robots.kinematics import imu_in_torso
+from robots.kinematics import find_directions, imu_in_torso
 from robots.quaternion import Array
 from robots.servo import TICKS_PER_TURN
 from robots.storage.validation import Sign

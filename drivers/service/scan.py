@@ -18,7 +18,7 @@ from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.wire import PROTOCOL_2, WIRES, Wire
 from drivers.errors import DriverError
 from drivers.imu.bno055 import CHIP_IDS, IDS
-from drivers.imu.bno08x_i2c import CONTINUED, LONGEST_PACKET, PACKET
+from drivers.imu.bno08x import CONTINUED, LONGEST_PACKET, PACKET
 from drivers.imu.i2c import I2cChip, LinuxI2cChip
 from drivers.serial_port import PortRefusedError, SerialPort, read_latency_timer
 from drivers.service.sweep import ALIKE, list_speakers

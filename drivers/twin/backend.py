@@ -15,8 +15,8 @@ from drivers.twin.device_models import CURRENT_STEP, VELOCITY_STEP, VOLTAGE_STEP
 from drivers.twin.simulation import CompiledWorld, Simulation
 from robots import Posture, Robot
 from robots.arguments import expect
-from robots.drive import Drive, limit_servos
 from robots.servo import LimitMode
+from robots.torque_limit import Drive, limit_servos
 
 
 class Twin(Backend):

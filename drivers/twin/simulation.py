@@ -14,11 +14,11 @@ from drivers.errors import NoImuError, SetupError
 from drivers.twin.device_models import TwinImu, Windings
 from drivers.twin.ground_truth import GroundTruth
 from robots import Posture, Robot
-from robots.drive import Drive
 from robots.ground import GROUND_FRICTION, add_ground
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.robot import LONGEST_TIMESTEP
+from robots.torque_limit import Drive
 
 # MuJoCo's dry friction is soft: loaded joints without torque creep at up to 0.03 rad/s. Once they
 # have been that slow for a while, its noslip solver holds them, as the friction of gears does.

@@ -17,8 +17,8 @@ from drivers.virtual_bus.devices.plain_servo import PlainServo
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots import Posture
-from robots.drive import Drive
 from robots.quaternion import Array
+from robots.torque_limit import Drive
 
 REST_SPEED = 0.01  # m/s and rad/s, of a robot that lies still
 REST_TIME = 0.5  # s without torque and motion after which it is simulated no further

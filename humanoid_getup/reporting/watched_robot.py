@@ -13,8 +13,7 @@ from drivers.state import HardwareError
 from humanoid_getup.experiments.falls import classify
 from humanoid_getup.simulation.world import World
 from robots import Joint, quaternion
-from robots.joint_directions import find_directions
-from robots.kinematics import imu_in_torso
+from robots.kinematics import find_directions, imu_in_torso
 from robots.quaternion import Array
 
 # A damaged reply now and then harms nothing.

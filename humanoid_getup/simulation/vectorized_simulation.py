@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.world import World
-from robots.drive import limit_servos
 from robots.quaternion import Array
+from robots.torque_limit import limit_servos
 
 Ids = NDArray[np.int_]
 

@@ -10,8 +10,8 @@ from bus_stories import serving
 from tiny_robots import with_servos
 
 from drivers import Backend, Command, SafetyGuard, Twin
+from drivers.dynamixel.configuration import full_scale
 from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.goal_ranges import full_scale
 from drivers.errors import DriverError, NotConnectedError
 from drivers.serial_port import SDK
 from drivers.twin.device_models import CURRENT_STEP

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from robots import FULL_TORQUE, Robot, Servo, TorqueLimit
 from robots.description.servo_catalog import servo_models
-from robots.drive import Drive, limit_servos
 from robots.servo import RAD_PER_TICK, count_pwm, round_pwm
+from robots.torque_limit import Drive, limit_servos
 
 XM430 = servo_models()["XM430-W350"]
 servos = st.builds(

@@ -10,7 +10,7 @@ from spoiling import complaint, spoil
 from drivers import Command, GuardLimits, Twin
 from drivers.servo_units import ServoUnits
 from robots import Robot, load_robot
-from robots.drive import Drive
+from robots.torque_limit import Drive
 from robots.transmission import Coupling, Transmission
 
 PAIRS = st.lists(st.floats(-5.0, 5.0), min_size=2, max_size=2).map(np.array)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from drivers.dynamixel.goal_ranges import SLOPES, STIFFEST, full_scale, has_slope
+from drivers.dynamixel.configuration import SLOPES, STIFFEST, full_scale, has_slope
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo

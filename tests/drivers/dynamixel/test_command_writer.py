@@ -13,8 +13,8 @@ from tiny_robots import with_servos, with_types
 from drivers import Command
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.command_writer import CommandConverter, CommandWriter, RegisterCommands
+from drivers.dynamixel.configuration import full_scale, goal_range, round_gain, to_slope
 from drivers.dynamixel.control_table import OperatingMode, table_named
-from drivers.dynamixel.goal_ranges import full_scale, goal_range, round_gain, to_slope
 from drivers.dynamixel.protocol2 import Instruction, Status
 from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.servo_states import ServoStates

@@ -19,7 +19,7 @@ from drivers.dynamixel.robot_ports import build_ports, find_imu, open_ports, usi
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.startup import await_servos, check_description, check_period
 from drivers.errors import SetupError
-from drivers.imu.bno08x_rvc import Bno08xRvc
+from drivers.imu.bno08x import Bno08xRvc
 from drivers.serial_port import PortError
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.servo import VirtualServo

@@ -23,6 +23,6 @@ class CountedTime:
 def counted_time() -> Iterator[CountedTime]:
     clock = CountedTime()
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("bno055", "bno08x_i2c", "source"):
+        for module in ("bno055", "bno08x", "source"):
             patch.setattr(f"drivers.imu.{module}.time", clock)
         yield clock

@@ -32,7 +32,7 @@ TOPPLING = Posture(
 
 
 def set_patience(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
-    for module in ("source", "bno055", "bno08x_i2c"):
+    for module in ("source", "bno055", "bno08x"):
         monkeypatch.setattr(f"drivers.imu.{module}.FIRST_SAMPLE", seconds)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from imu_bench import KINDS, PERIOD, ImuBench
 
 from drivers.imu.bno055 import REPLY_TIME, UartRegisters
-from drivers.imu.bno08x_rvc import FRAME_PERIOD, INDICES, decode_frame
+from drivers.imu.bno08x import FRAME_PERIOD, INDICES, decode_frame
 from drivers.imu.serial_line import LineFormat
 from robots import ImuSettings
 

@@ -11,7 +11,7 @@ from drivers import Command, Twin
 from drivers.twin.simulation import Simulation
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
-from robots.drive import Drive
+from robots.torque_limit import Drive
 
 
 def place(twin, z, orientation=quaternion.IDENTITY, joint_pos=None):

@@ -19,7 +19,7 @@ from robots.body.statics import Statics
 from robots.description.calibration import CALIBRATION_FILE, Calibration, JointCalibration
 from robots.description.schema import RobotTable, read_description
 from robots.description.servo_catalog import servo_models
-from robots.drive import KP
+from robots.torque_limit import KP
 
 
 def test_a_name_means_the_packages_robot_whatever_folder_is_here(own_robot, monkeypatch):

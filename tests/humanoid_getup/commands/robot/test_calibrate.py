@@ -23,8 +23,7 @@ from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 from robots.description.calibration import Calibration, JointCalibration
 from robots.description.posture_file import format_posture
-from robots.joint_directions import DIRECTIONS, find_directions
-from robots.kinematics import place
+from robots.kinematics import DIRECTIONS, find_directions, place
 
 L_HIP, R_HIP = JointCalibration(2100, 1), JointCalibration(1000, -1)
 """The robot as it is: the description has zeros 2048 and 1000."""

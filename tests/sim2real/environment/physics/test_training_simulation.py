@@ -12,9 +12,9 @@ from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import Robot
-from robots.drive import VMAX
 from robots.kinematics import place
 from robots.servo import CURRENT, PWM
+from robots.torque_limit import VMAX
 from sim2real.environment.env_options import ALL as R
 from sim2real.environment.env_options import ObservationNoise
 from sim2real.environment.training_simulation import BACKLASH_TORQUE, TrainingSim

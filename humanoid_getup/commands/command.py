@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import update_wrapper
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Concatenate, Generic, Protocol, TypeVar
+from typing import Any, Concatenate, Generic, TypeVar
 
 from rich.console import Console
 
@@ -33,18 +33,7 @@ Request = TypeVar("Request", bound=CommandRequest)
 Result = TypeVar("Result")
 Work = Callable[Concatenate[Request, ProgressMonitor, ...], Result]
 Show = Callable[[Result, Any, Console], int | None]
-_REGISTERED: dict[str, RunsOptions] = {}
-
-
-class RunsOptions(Protocol):
-    """What the command line runs."""
-
-    options: type[CommandRequest]
-    """Options of the command line."""
-
-    def run(self, options: Any, /) -> int:
-        """Run it; return the exit code."""
-        ...
+_REGISTERED: dict[str, Command[Any, Any] | Program] = {}
 
 
 class Command(Generic[Request, Result]):
@@ -91,6 +80,9 @@ class Command(Generic[Request, Result]):
         for name, function in (("report", report), ("cancel", cancel)):
             if function is not None and not callable(function):
                 raise BadInputError(f"{name} is {function!r:.80}, expected a function")
+        operator = further.get("operator")
+        if operator is not None and not callable(getattr(operator, "is_released", None)):
+            raise BadInputError(f"operator is {operator!r:.80}, expected an Operator")
         return self._do(request, report, cancel, **further)
 
     def _do(
@@ -197,7 +189,7 @@ def find_request(work: Callable[..., object]) -> type[CommandRequest]:
     return eval(kind, work.__globals__) if isinstance(kind, str) else kind  # our own source
 
 
-def load_command(name: str) -> RunsOptions:
+def load_command(name: str) -> Command[Any, Any] | Program:
     """Import a command."""
     import_module(f"humanoid_getup.commands.{COMMANDS[name].module}")
     return _REGISTERED[name]

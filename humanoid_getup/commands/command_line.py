@@ -109,15 +109,19 @@ def write_help(group: str = "") -> str:
 
 
 def _list_others(name: str, option: str) -> list[str]:
-    """Name the commands of the same section that have an option."""
+    """Name the commands of the same section that have an option, or else those of another one."""
     group = name.split()[0]
-    section = next(names for names in SECTIONS.values() if group in names)
-    return [
-        f"getup {other}"
-        for other in COMMANDS
-        if other.split()[0] in section and is_command(other)
-        if option in list_options(load_command(other).options)
-    ]
+    for section in sorted(SECTIONS.values(), key=lambda names: group not in names):
+        commands = [
+            other for other in COMMANDS if other.split()[0] in section and is_command(other)
+        ]
+        if found := [
+            f"getup {other}"
+            for other in commands
+            if option in list_options(load_command(other).options)
+        ]:
+            return found
+    return []
 
 
 def list_commands(group: str = "") -> Any:

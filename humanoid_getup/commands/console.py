@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -19,8 +19,6 @@ from humanoid_getup.commands.files import STANDARD_OUTPUT
 from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.progress.callback import Progress, Report
 
-Request = TypeVar("Request", bound=CommandRequest)
-Result = TypeVar("Result")
 SMALL_FIGURE = 0.1  # below which two decimals are too few
 ROUNDING = 1e-9  # below which a figure is 0
 WIDTH = 120  # characters of a line that goes to no terminal
@@ -64,14 +62,6 @@ def phase(text: str) -> Iterator[Callable[[str], None]]:
     """Show what a command is doing on standard error; yield what changes the text."""
     with Console(stderr=True).status(text) as status:
         yield status.update
-
-
-@contextmanager
-def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar on standard error; yield what advances it."""
-    with make_bars() as bars:
-        bar = bars.add_task(what, total=total, note="")
-        yield lambda done: bars.advance(bar, done)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import PICTURE, READ, ROBOT, WRITTEN, find_output_problems
 from humanoid_getup.commands.values import Items, convert_value, find_value_problems, name_option
 from humanoid_getup.engines.engine import Engine
-from robots.storage.validation import at_least, between, hints_of, name_choices
+from robots.storage.validation import at_least, between, hints_of
 
 A_REAL_ROBOT = "a real robot has the body that it has"
 MOST_SEED = 2**63 - 1  # that files keep exactly
@@ -70,7 +70,11 @@ class CommandRequest:
     @classmethod
     def accept(cls, request: object) -> None:
         """Check that a request is of this kind and can be done."""
-        accept_kind(request, cls).check()
+        if not isinstance(request, cls):
+            is_other = isinstance(request, CommandRequest)
+            given = f"a {type(request).__name__}" if is_other else repr(request)
+            raise BadInputError(f"request is {given}, expected a {cls.__name__}")
+        request.check()
 
     def find_problems(self) -> list[str]:
         """Report all problems beyond the type and range of single values."""
@@ -80,15 +84,6 @@ class CommandRequest:
         """Check that the request can be done."""
         if problems := find_value_problems(self) or self.find_problems():
             raise BadInputError("; ".join(problems))
-
-
-def accept_kind(request: object, *kinds: type[CommandRequest]) -> CommandRequest:
-    """Return a request of one of several kinds."""
-    if isinstance(request, kinds):
-        return request
-    given = f"a {type(request).__name__}" if isinstance(request, CommandRequest) else repr(request)
-    expected = name_choices([kind.__name__ for kind in kinds])
-    raise BadInputError(f"request is {given}, expected a {expected}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,14 +32,6 @@ class Surface:
     """Depth to which a body that rests on four points sinks in [m]; 0 is rigid. A light limb of a
     robot, which the rest presses down, sinks deeper."""
 
-    def __post_init__(self) -> None:
-        if not self.friction > 0.0:
-            raise ValueError(f"friction is {self.friction:g}, expected above 0")
-        if not self.rolling_friction >= 0.0:
-            raise ValueError(f"rolling friction is {self.rolling_friction:g} m, expected 0 or more")
-        if not self.sink >= 0.0:
-            raise ValueError(f"sink is {self.sink:g} m, expected 0 or more")
-
     @property
     def deepest_sink(self) -> float:
         """Return the depth to which a robot's lighter parts sink in [m]."""
@@ -60,7 +52,6 @@ class Surface:
             geom.solref[:] = [1.0 / (d * math.sqrt(k)), 1.0]
 
 
-STEEPEST = math.radians(45.0)
 AROUND_X, AROUND_Y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2))
 BASE = 0.1  # m of a field under its lowest point
 
@@ -110,13 +101,6 @@ class Slope:
     """[rad]"""
     is_plane = True
 
-    def __post_init__(self) -> None:
-        if not abs(self.angle) <= STEEPEST:
-            raise ValueError(
-                f"slope is {math.degrees(self.angle):g}°, "
-                f"expected at most {math.degrees(STEEPEST):g}°"
-            )
-
     @property
     def is_level(self) -> bool:
         """Return whether it is a level plane."""
@@ -158,12 +142,8 @@ class HeightField:
             raise ValueError(
                 f"heights are {' by '.join(map(str, self.heights.shape))}, expected 2 by 2 or more"
             )
-        if not np.isfinite(self.heights).all():
-            raise ValueError("heights are not all finite")
         if np.ptp(self.heights) == 0.0:
             raise ValueError("heights are all the same, expected different ones: use a plane")
-        if not self.cell > 0.0:
-            raise ValueError(f"cell is {self.cell:g} m, expected above 0 m")
 
     def normal(self, x: Array, y: Array, reach: float, /) -> Array:
         """Compute the upward normals (..., 3) at places x, y [m], averaged over a reach [m]."""

@@ -40,10 +40,6 @@ class Obstacle:
     orientation: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
     surface: Surface = field(default_factory=Surface)
 
-    def __post_init__(self) -> None:
-        if not np.all(self.half_size > 0.0):
-            raise ValueError(f"obstacle '{self.name}': a size is not above 0 m")
-
     @property
     def radius(self) -> float:
         """Return the radius of the sphere that is swept [m]."""

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -136,10 +137,6 @@ class Scene:
     obstacles: tuple[Obstacle, ...] = ()
     starts: tuple[StartRegion, ...] = ()
     """Start regions; without any, robots lie at the origin in any direction."""
-    is_flat: bool = field(init=False, repr=False)
-    """Whether it is the same at every place and in every direction."""
-    deepest_sink: float = field(init=False, repr=False)
-    """How deep a part of a robot may sink into the softest surface [m]."""
 
     def __post_init__(self) -> None:
         names = Counter([GROUND, *(obstacle.name for obstacle in self.obstacles)])
@@ -148,10 +145,17 @@ class Scene:
                 f"two obstacles, or one and the ground, have the name '{twice[0]}', "
                 "expected each name once"
             )
-        is_flat = self.ground.is_level and not self.obstacles and not self.starts
-        surfaces = [self.surface, *(obstacle.surface for obstacle in self.obstacles)]
-        object.__setattr__(self, "is_flat", is_flat)
-        object.__setattr__(self, "deepest_sink", max(s.deepest_sink for s in surfaces))
+
+    @cached_property
+    def is_flat(self) -> bool:
+        """Whether it is the same at every place and in every direction."""
+        return self.ground.is_level and not self.obstacles and not self.starts
+
+    @property
+    def deepest_sink(self) -> float:
+        """Return how deep a part of a robot may sink into the softest surface [m]."""
+        surfaces = (self.surface, *(obstacle.surface for obstacle in self.obstacles))
+        return max(surface.deepest_sink for surface in surfaces)
 
     def support(self, point: Array) -> Array:
         """Compute the height of the ground or obstacle under points (..., 3) [m], (...)."""
@@ -184,8 +188,7 @@ PICTURE = (1920, 1440)  # largest off-screen picture, pixels
 
 def add_backdrop(spec: mujoco.MjSpec, ground: mujoco.MjsGeom) -> None:
     """Add sky and light to a model, and a pattern to its ground."""
-    _add_sky(spec)
-    _add_light(spec)
+    _light_sky(spec)
     _add_pattern(spec, ground)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = PICTURE
     spec.stat.extent = 1.0
@@ -209,7 +212,7 @@ def _add_pattern(spec: mujoco.MjSpec, ground: mujoco.MjsGeom) -> None:
     ground.rgba[:] = 1.0
 
 
-def _add_sky(spec: mujoco.MjSpec) -> None:
+def _light_sky(spec: mujoco.MjSpec) -> None:
     spec.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -219,9 +222,6 @@ def _add_sky(spec: mujoco.MjSpec) -> None:
         width=256,
         height=1536,
     )
-
-
-def _add_light(spec: mujoco.MjSpec) -> None:
     spec.worldbody.add_light(
         name="sun",
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,

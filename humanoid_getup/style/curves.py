@@ -79,12 +79,14 @@ class StyleCurves:
     """[s]"""
     start: str = ""
     """How the body lies at the beginning, such as supine; for readers only."""
-    _pieces: Array = field(init=False, repr=False)
+    pieces: Array = field(init=False, repr=False)
+    """Polynomials between the control points, (8, 4, 3), highest power first; their variable is
+    the share of the duration since the piece's own beginning."""
 
     def __post_init__(self) -> None:
         if problems := self._find_problems():
             raise ValueError("; ".join(problems))
-        object.__setattr__(self, "_pieces", _fit(self.points))
+        object.__setattr__(self, "pieces", _fit(self.points))
 
     @staticmethod
     def of(points: Array, duration: float, start: str = "") -> StyleCurves:
@@ -98,14 +100,6 @@ class StyleCurves:
     def points(self) -> Array:
         """Return the control points, (9, 3), in the order of the features."""
         return np.stack([self.neck_height, self.side, self.front], axis=-1)
-
-    @property
-    def pieces(self) -> Array:
-        """Return the polynomials between the control points, (8, 4, 3), highest power first.
-
-        Their variable is the share of the duration since the piece's own beginning.
-        """
-        return self._pieces
 
     @property
     def turn(self) -> float:
@@ -124,7 +118,7 @@ class StyleCurves:
     def sample(self, time: Array) -> Array:
         """Compute the features (..., 3) at times [s], (...); a stand is held at the end."""
         share = np.clip(np.asarray(time, dtype=float) / self.duration, 0.0, 1.0)
-        return evaluate(self._pieces[np.newaxis], share[np.newaxis])[0]
+        return evaluate(self.pieces[np.newaxis], share[np.newaxis])[0]
 
     def mirrored(self) -> StyleCurves:
         """Exchange left and right."""

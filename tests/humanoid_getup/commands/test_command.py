@@ -11,6 +11,7 @@ from run_getup import Run
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing_own
+from humanoid_getup.commands.get_up.rise import RiseRequest, rise
 from humanoid_getup.commands.options import RobotOption
 from humanoid_getup.commands.plan.preflight import PreflightRequest, preflight
 from humanoid_getup.progress.callback import ProgressMonitor
@@ -42,6 +43,8 @@ def test_another_process_gets_a_command_by_its_name():
 def test_callbacks_are_functions_and_a_call_shows_its_own_arguments():
     with pytest.raises(BadInputError, match="cancel is True, expected a function"):
         preflight(PreflightRequest(motion="none"), cancel=True)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(BadInputError, match="operator is 5, expected an Operator"):
+        rise(RiseRequest(origin="supine"), operator=5)
     assert [*inspect.signature(preflight).parameters][:3] == ["request", "report", "cancel"]
 
 

@@ -110,17 +110,6 @@ def test_the_ground_decides_the_friction_under_every_sole(op3: Robot):
     np.testing.assert_allclose(data.contact.friction[:, 0], 0.1)
 
 
-def test_a_surface_that_cannot_be_is_refused():
-    for values, message in (
-        ({"friction": 0.0}, "friction is 0, expected above 0"),
-        ({"friction": math.nan}, "friction is nan, expected above 0"),
-        ({"rolling_friction": -0.1}, r"rolling friction is -0\.1 m, expected 0 or more"),
-        ({"sink": -0.01}, r"sink is -0\.01 m, expected 0 or more"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            Surface(**values)
-
-
 def build(*, with_backdrop: bool) -> mujoco.MjModel:
     """A box that slides and tumbles on a plane."""
     spec = mujoco.MjSpec()

@@ -46,7 +46,6 @@ class Drops:
         self,
         settled_speed: float,
         rng: np.random.Generator,
-        longest: float = LONGEST_FALL,
         regions: Sequence[StartRegion] = (),
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Drop the robots in random postures, and let them settle.
@@ -59,7 +58,7 @@ class Drops:
         """
         drops = DropSampler(self.world, regions or self.world.scene.starts or (ANYWHERE,))
         qpos = np.array([drops.sample(rng) for _ in self._sim.everyone])
-        return self.settle(qpos, settled_speed, longest)
+        return self.settle(qpos, settled_speed)
 
     def settle(
         self, qpos: Array, settled_speed: float, longest: float = LONGEST_FALL

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from humanoid_getup.experiments.disturbances import (
     Disturbance,
@@ -11,7 +11,7 @@ from humanoid_getup.experiments.disturbances import (
     Normal,
     Uniform,
 )
-from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from robots.ground import GROUND_FRICTION
 from sim2real.environment.rewards import QUICK, Reward
@@ -60,17 +60,14 @@ ALL = Disturbance(
     imu_tilt=Normal(0.05),  # mounting, and errors of the filter in motion
     gyro_bias=Normal(0.03),
 )
-MILD = Disturbance(
+MILD = replace(
+    ALL,
     mass=Uniform(0.93, 1.07),
-    link_mass=Uniform(0.95, 1.05),
     com_shift=_symmetric(0.005),
     friction=Uniform(0.5, 1.0),
     supply=Uniform(0.94, 1.05),
     torque_share=Mixture(0.7, 1.0, Uniform(0.42, 1.0)),
-    by_pwm=0.5,
-    weak_servo=Uniform(0.55, 1.0),
     weak_share=0.05,
-    strength=Uniform(0.92, 1.08),
     armature=Mixture(0.1, LogUniform(1.5, 20.0), Uniform(0.8, 1.25)),
     friction_loss=Uniform(0.6, 1.3),
     split_delay=Uniform(0.0, 0.04),
@@ -128,7 +125,7 @@ class EnvOptions:
     """Fraction of episodes after a deviation from style curves that start where the last ended."""
     ends_early: float = 0.5
     """Fraction of episodes that end once the robot has stood for ``episodes.HELD``."""
-    scene: str | Scene = "flat"
+    scene: Scene = FLAT_SCENE
     origin: tuple[float, float] = (0.0, 0.0)
     """Position on flat ground of robots that start along motions [m]."""
     physics_step: float = PHYSICS_STEP

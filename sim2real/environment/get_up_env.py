@@ -21,7 +21,6 @@ from humanoid_getup.policy.observation import (
     mirror_of_observation,
     observe,
 )
-from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.style.curves import SavedState
 from robots import Robot
 from robots.quaternion import Array
@@ -81,10 +80,9 @@ class GetUpEnv(VectorEnv):
         self.head = style.head if style else DirectHead(robot, action)
         randomization = options.randomization
         has_delays = randomization is not None and randomization.disturbance.split_delay != 0.0
-        scene = options.scene
         world = build_training_world(
             robot,
-            load_scene(scene, robot) if isinstance(scene, str) else scene,
+            options.scene,
             fit_step(options.physics_step, robot.control_period * action.cycles),
             LONGEST_DELAY if has_delays else 0.0,
         )

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from humanoid_getup.engines.executor import do_pieces, is_here
+from humanoid_getup.engines.versions import checked
 from humanoid_getup.experiments.drop import Drops
 from humanoid_getup.experiments.falls import CLASSES, sample_fall_set
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RiseStatus
@@ -45,25 +50,26 @@ class PriorPiece:
     """Of all rises, and its number."""
 
 
-EndPlan = Callable[[str, Motion | None], None]
-"""Receives the name of a piece, and its motion if that stands."""
-RunPlans = Callable[[Mapping[str, PriorPiece], EndPlan], None]
-"""Plans rises, by name, anywhere and in any order; hands each over as it ends."""
+StartWorkers = Callable[[int], AbstractContextManager[Executor]]
+"""Starts the workers for a number of pieces."""
 
 
 def plan_rises(
     robot: Robot,
+    robot_name: str,
     count: int,
     seed: int,
     folder: Path,
-    run: RunPlans,
-    report: Callable[[float], None] = lambda _: None,
+    start: StartWorkers,
+    monitor: ProgressMonitor,
 ) -> list[Motion]:
     """Plan rises from settled falls, equally many of each class.
 
     Those that stand are kept in a folder of this count and seed, so that the planning can be
-    interrupted: what is there already is not planned again. Each rise is reported.
+    interrupted: what is there already is not planned again. Workers load the robot by its name or
+    folder.
     """
+    report = monitor.count("rises", count)
     own_seed = int(np.random.default_rng([seed, PRIOR_SEED]).integers(2**31))
     each = -(-count // len(CLASSES))
     falls = sample_fall_set(World(robot, "flat"), dict.fromkeys(CLASSES, each), own_seed).falls
@@ -86,7 +92,11 @@ def plan_rises(
         for number, (name, fall) in enumerate(zip(files, falls, strict=True))
         if name not in done
     }
-    run(pieces, end)
+    with start(len(pieces)) as executor:
+        work = partial(plan_piece, robot_name, 0 if is_here(executor) else 1)
+        work = checked(work, executor, robot_name)
+        do_pieces(work, pieces, executor, ended=end, monitor=monitor)
+    _make_planner.cache_clear()  # the robot may change
     return [_load_plan(file) for name, file in files.items() if ledger.done[name]]
 
 
@@ -109,11 +119,6 @@ def plan_piece(robot: str, threads: int, piece: PriorPiece) -> Motion | None:
 def _make_planner(robot: str, threads: int) -> PlannedRise:
     """Make the planner of a worker, once."""
     return PlannedRise(World(load_robot(robot), "flat"), settings=PlannerSettings(threads=threads))
-
-
-def forget_planner() -> None:
-    """Drop the planner of this process: its robot may change."""
-    _make_planner.cache_clear()
 
 
 def read_motion(robot: Robot, model: mujoco.MjModel, motion: Motion, kind: str) -> CollectedRise:
@@ -162,22 +167,22 @@ def roll_out(
 
 def collect_rises(
     robot: Robot,
+    robot_name: str,
     count: int,
     seed: int,
     folder: Path,
     policies: Mapping[str, OnnxPolicy],
-    *,
-    run: RunPlans,
-    report: Callable[[float], None] = lambda _: None,
+    start: StartWorkers,
+    monitor: ProgressMonitor,
 ) -> list[CollectedRise]:
     """Collect the robot's stored motions, ``count`` planned rises, and half as many of policies.
 
-    The folder keeps the plans, which ``run`` makes; the number of those that ended is reported.
+    The folder keeps the plans.
     """
     model = robot.spec().compile()
     stored = [motion for motion in load_database(robot).motions if motion.rises]
     rises = [read_motion(robot, model, motion, "stored") for motion in stored]
-    planned = plan_rises(robot, count, seed, folder, run, report)
+    planned = plan_rises(robot, robot_name, count, seed, folder, start, monitor)
     rises += [read_motion(robot, model, motion, "planned") for motion in planned]
     for name, policy in policies.items():
         if each := count // (2 * len(policies)):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from rich.console import Console
 from tyro.conf import arg
@@ -18,13 +17,8 @@ from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import EngineOptions, RobotOption, Seed
 from humanoid_getup.commands.pieces import make_robot_absolute, starting
 from humanoid_getup.commands.values import Items
-from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.engines.versions import checked
 from humanoid_getup.progress.callback import ProgressMonitor
 from robots.storage.validation import at_least
-
-if TYPE_CHECKING:  # it needs the extra train
-    from sim2real.prior_training.collect import EndPlan, PriorPiece, RunPlans
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,15 +65,15 @@ def make_prior(request: PriorRequest, monitor: ProgressMonitor) -> MadePrior:
     with refusing():
         policies = {name: load_policy(robot, name) for name in request.policies if name}
         prior = PosePrior.load(request.fitted, robot) if request.fitted else None
-        count = monitor.count("rises", request.rises)
         found = collect_rises(
             robot,
+            make_robot_absolute(request.robot),
             request.rises,
             request.seed,
             request.out,
             policies,
-            run=_spread_plans(request, monitor),
-            report=count,
+            partial(starting, request),
+            monitor,
         )
         rises = RiseSet.join(robot, found)
         errors: list[float] = []
@@ -110,18 +104,3 @@ def _print(made: MadePrior, request: PriorRequest, console: Console) -> None:
         f"{request.out}: {made.rises} rises, {made.postures} postures; {made.size} latent "
         f"parameters{fit}"
     )
-
-
-def _spread_plans(request: PriorRequest, monitor: ProgressMonitor) -> RunPlans:
-    """Plan rises on the engine of a request."""
-    from sim2real.prior_training.collect import forget_planner, plan_piece
-
-    robot = make_robot_absolute(request.robot)
-
-    def run(pieces: Mapping[str, PriorPiece], end: EndPlan) -> None:
-        with starting(request, len(pieces)) as executor:
-            work = partial(plan_piece, robot, 0 if is_here(executor) else 1)
-            do_pieces(checked(work, executor, robot), pieces, executor, ended=end, monitor=monitor)
-        forget_planner()
-
-    return run

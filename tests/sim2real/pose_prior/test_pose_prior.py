@@ -7,22 +7,19 @@ import pytest
 
 pytest.importorskip("torch")
 
-from collections.abc import Mapping
+from functools import partial
 
 from made_up_rises import make_rises
 from nonempty import nonempty
 
 from humanoid_getup.commands.learn.make_prior import PriorRequest, make_prior
+from humanoid_getup.engines.executor import make_executor
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.style.features import mirror_features
 from robots import Robot
-from sim2real.pose_prior import PERIOD, PosePrior, RiseSet
-from sim2real.prior_training.collect import (
-    EndPlan,
-    PriorPiece,
-    collect_rises,
-    load_policy,
-    plan_piece,
-)
+from sim2real.pose_prior import PERIOD, CollectedRise, PosePrior, RiseSet
+from sim2real.prior_training.collect import collect_rises, load_policy
 from sim2real.prior_training.fit import FitOptions, fit_prior
 
 
@@ -106,11 +103,6 @@ def test_a_prior_that_does_not_fit_is_refused_in_one_line(op3, prior, tmp_path, 
     assert "\n" not in str(caught.value)
 
 
-def plan_here(pieces: Mapping[str, PriorPiece], end: EndPlan) -> None:
-    for name, piece in pieces.items():
-        end(name, plan_piece("op3", 1, piece))
-
-
 def test_rises_are_not_taken_from_an_unknown_or_styled_policy(op3):
     with pytest.raises(ValueError, match="unknown policy 'none'"):
         load_policy(op3, "none")
@@ -120,19 +112,27 @@ def test_rises_are_not_taken_from_an_unknown_or_styled_policy(op3):
 
 @pytest.mark.slow
 def test_what_is_planned_is_kept_and_not_planned_again(op3, tmp_path):
-    reports: list[float] = []
-    first = collect_rises(op3, 4, 3, tmp_path, {}, run=plan_here, report=reports.append)
-    assert sum(reports) == 4
+    reports: list[Progress] = []
+    monitor = ProgressMonitor(reports.append)
+
+    def collect(seed: int, policies: dict[str, OnnxPolicy]) -> list[CollectedRise]:
+        start = partial(make_executor, "local:1")
+        return collect_rises(
+            op3, "op3", 4, seed, tmp_path, policies, lambda count: start(pieces=count), monitor
+        )
+
+    first = collect(3, {})
+    assert [report.done for report in reports if report.phase == "rises"][-1] == 4
     planned = [rise for rise in first if rise.source.startswith("planned")]
     assert len(planned) >= 2
     written = {file: file.stat().st_mtime_ns for file in tmp_path.glob("*/*.npz")}
     robust = {"robust": load_policy(op3, "robust")}
-    again = collect_rises(op3, 4, 3, tmp_path, robust, run=plan_here)
+    again = collect(3, robust)
     assert {file: file.stat().st_mtime_ns for file in tmp_path.glob("*/*.npz")} == written
     for one, other in nonempty(zip(first, again, strict=False)):
         assert np.array_equal(one.qpos, other.qpos)
     assert {rise.source for rise in again[len(first) :]} <= {"policy: robust"}
-    collect_rises(op3, 4, 4, tmp_path, {}, run=plan_here)  # other falls
+    collect(4, {})  # other falls
     assert len(list(tmp_path.iterdir())) == 2
 
 

@@ -23,8 +23,7 @@ from robots.model_import.stance import (
     find_own_overlaps,
     find_stance,
 )
-from robots.model_import.tie_reduction import reduce_ties
-from robots.model_import.ties import Fold
+from robots.model_import.ties import Fold, reduce_ties
 from robots.model_import.tree import KinematicTree, find_tree
 from robots.model_import.urdf import read_urdf
 from robots.quaternion import Array

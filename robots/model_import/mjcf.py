@@ -11,21 +11,15 @@ import numpy as np
 from robots.description.model_checks import HINGE, find_number_problems
 from robots.model_import.source import (
     ActuatorFigures,
+    Fold,
     ModelImportError,
     ModelSource,
+    Tie,
     check_size,
     compile_spec,
     find_range_problems,
 )
-from robots.model_import.ties import (
-    Fold,
-    Tie,
-    describe_separate,
-    find_folds,
-    fold,
-    group_ties,
-    list_ties,
-)
+from robots.model_import.ties import describe_separate, find_folds, fold, group_ties, list_ties
 from robots.quaternion import Array
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS, find_file_problems

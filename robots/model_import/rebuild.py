@@ -12,7 +12,7 @@ from robots import quaternion
 from robots.body.shapes import list_solid, read_shapes
 from robots.description.model_checks import HINGE
 from robots.model_import.anatomy import Anatomy
-from robots.model_import.tie_reduction import Follower
+from robots.model_import.ties import Follower
 from robots.model_import.tree import KinematicTree, name_joint
 from robots.quaternion import Array
 

@@ -10,8 +10,7 @@ import tomlkit
 from robots.description.loading import load_robot
 from robots.model_import.importer import ImportedRobot
 from robots.model_import.rebuilt import IMU, NECK, SOLES
-from robots.model_import.source import ModelImportError
-from robots.model_import.ties import Fold
+from robots.model_import.source import Fold, ModelImportError
 from robots.robot import RobotError
 from robots.servo import TICKS_PER_TURN
 from robots.storage.files import atomic_folder, describe

@@ -1,4 +1,4 @@
-"""The content of a model file: a compiled model, its actuators, ties and a stance."""
+"""The content of a model file: a compiled model, its actuators, ties, drives and a stance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots.model_import.ties import Fold, Tie
+from robots.quaternion import Array
 
 MOST_PARTS = 500  # joints, bodies or links of a robot; a servo bus has 253 ids
 MAX_LIMIT = 4.0 * np.pi  # rad; a joint that turns farther was meant in degrees
@@ -64,6 +64,50 @@ class ActuatorFigures:
     """Largest torque at the joint, or of the motor in front of its gear [N·m]."""
     speed: float | None = None
     """Largest speed of the joint [rad/s]."""
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Hinges that turn together: the sum of share times angle is constant."""
+
+    joints: tuple[str, ...]
+    shares: tuple[float, ...]
+    is_loop: bool = False
+    """Whether a closed loop ties them, so that the shares hold only near the model's pose."""
+
+    @classmethod
+    def follow(cls, follower: str, leader: str, ratio: float) -> Tie:
+        """Tie a joint to another one by their ratio of turns."""
+        return cls((follower, leader), (1.0, -ratio))
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Motors that drive other hinges: one through a gear, or two through a coupling."""
+
+    motors: tuple[str, ...]
+    """Hinges with actuators, one or two."""
+    joints: tuple[str, ...]
+    """The hinges that they drive, each mainly by the motor with the same index."""
+    rods: tuple[str, ...]
+    """Hinges between them."""
+    matrix: Array
+    """Turns of the motors (rows) per turn of the joints (columns), (1, 1) or (2, 2)."""
+    is_loop: bool
+    """Whether rods close a loop, so that the matrix holds only near the model's pose."""
+
+    @property
+    def gear(self) -> float:
+        """Return the turns of a single motor per turn of its joint, negative if it reverses."""
+        return float(self.matrix[0, 0])
+
+    def describe(self) -> str:
+        """Describe it in a line."""
+        joints, motors = " and ".join(self.joints), " and ".join(self.motors)
+        by = "rods" if self.is_loop else "gears"
+        measured = "; its ratio was measured in one pose and holds near it" if self.is_loop else ""
+        fixed = ", ".join((*self.motors, *self.rods))
+        return f"{joints} driven by {motors} through {by}: {fixed} fixed{measured}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

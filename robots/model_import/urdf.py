@@ -17,11 +17,11 @@ from robots.model_import.source import (
     ActuatorFigures,
     ModelImportError,
     ModelSource,
+    Tie,
     check_size,
     compile_spec,
     find_range_problems,
 )
-from robots.model_import.ties import Tie
 from robots.model_import.urdf_shapes import UrdfShapes
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS

@@ -28,6 +28,7 @@ from drivers.state import Command, Integers, State
 from robots import Posture, Robot
 from robots.quaternion import Array
 from robots.storage.files import read_bounded
+from robots.storage.validation import reading
 
 MOST_BYTES = 1 << 29  # of a file
 NEEDED = ("state", "asked", "sent")
@@ -125,14 +126,10 @@ class FlightRecord:
             ValueError: one line with the file and its problem: it is not a flight log, is
                 damaged where it says whose it is, is too large, or another robot's.
         """
-        try:
+        with reading(f"flight log {path}"):
             data = read_bounded(path, MOST_BYTES)
             if not data.startswith(MCAP0_MAGIC):
                 raise ValueError("not an MCAP file, expected a log of FlightLog")
-        except OSError as error:
-            raise ValueError(f"flight log {path}: {error.strerror or error}") from error
-        except ValueError as error:
-            raise ValueError(f"flight log {path}: {error}") from error
         try:
             record = _read(path, data)
         except DAMAGE as error:

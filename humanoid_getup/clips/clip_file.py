@@ -24,6 +24,7 @@ from humanoid_getup.clips.clip import (
     read_numbers,
 )
 from robots.quaternion import Array
+from robots.storage.validation import reading
 
 BVH, ACCLAIM, SKELETON = ".bvh", ".amc", ".asf"
 
@@ -312,10 +313,8 @@ def _read_frames(lines: list[str], skeleton: AcclaimSkeleton) -> dict[str, Array
         channels = ROOT_CHANNELS if name == ROOT else skeleton.bones[name].channels
         if len(texts) != count:
             raise ValueError(f"bone '{name}' has {len(texts)} frames, expected {count}")
-        try:
+        with reading(f"bone '{name}'"):
             frames[name] = read_numbers(texts, len(channels))
-        except ValueError as error:
-            raise ValueError(f"bone '{name}': {error}") from error
     return frames
 
 

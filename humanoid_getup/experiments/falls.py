@@ -24,8 +24,7 @@ from robots.kinematics import lowest_point, place, read_posture
 from robots.posture import MAX_DISTANCE
 from robots.quaternion import Array
 from robots.storage.arrays import load_arrays, save_arrays, to_numbers, to_text
-from robots.storage.files import describe
-from robots.storage.validation import outside, shown
+from robots.storage.validation import outside, reading, shown
 
 CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)
 UNCLASSED = "other"  # start class of a robot that lies on no side
@@ -244,16 +243,12 @@ class FallSet:
     @staticmethod
     def load(file: Path, robot: Robot, scene: str = "") -> FallSet:
         """Read a robot's falls, in a scene if its name is given."""
-        try:
+        advice = " (expected: an .npz that `getup eval` wrote with --falls)"
+        with reading(f"falls {file}", advice=advice):
             falls = _read_falls(load_arrays(file, FALL_KEYS, optional=COUNT_KEYS), robot)
             if scene and falls.scene != scene:
                 raise ValueError(f"they are of scene '{falls.scene}', not '{scene}'")
-        except (OSError, ValueError) as error:
-            raise ValueError(
-                f"falls {file}: {describe(error)} (expected: an .npz that `getup eval` wrote with "
-                "--falls)"
-            ) from error
-        return falls
+            return falls
 
 
 def _check_falls(robot: Robot, position: Array, joint_pos: Array) -> None:

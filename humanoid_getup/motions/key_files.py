@@ -25,7 +25,14 @@ from scipy.interpolate import PchipInterpolator
 from humanoid_getup.motions.motion import MAX_DURATION
 from robots import Robot
 from robots.quaternion import Array
-from robots.storage.validation import name_unknown_joints, on_axes, parse_file, read_table, shown
+from robots.storage.validation import (
+    name_unknown_joints,
+    on_axes,
+    parse_file,
+    read_table,
+    reading,
+    shown,
+)
 from robots.storage.yaml_text import parse_yaml
 
 MOST_KEYS = 120
@@ -131,18 +138,14 @@ def load_trajectory(path: Path, robot: Robot) -> KeySequence:
         ModuleNotFoundError: if it is YAML and the extra `ros` is not installed.
     """
     language = KINDS[path.suffix]
-    try:
+    with reading(str(path)) as problems:
         content = parse_file(path, language, json.loads if language == "JSON" else parse_yaml)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-    if isinstance(content, dict) and GOAL in content:
-        content = content[GOAL]
-    if not isinstance(content, dict):
-        raise ValueError(f"{path}: expected joint_names and points of a JointTrajectory")
-    problems: list[str] = []
-    trajectory = read_table(_Trajectory, content, "", problems)
-    if problems := problems or _find_problems(trajectory, robot):
-        raise ValueError(f"{path}: {'; '.join(problems)}")
+        if isinstance(content, dict) and GOAL in content:
+            content = content[GOAL]
+        if not isinstance(content, dict):
+            raise ValueError("expected joint_names and points of a JointTrajectory")
+        trajectory = read_table(_Trajectory, content, "", problems)
+        problems += [] if problems else _find_problems(trajectory, robot)
     return _collect(trajectory, robot, path)
 
 
@@ -243,21 +246,17 @@ def load_animation(path: Path, robot: Robot) -> KeySequence:
     ``pause`` (0) [s], and may switch joints off in ``torque`` or correct them in
     ``stabilization_functions``.
     """
-    problems: list[str] = []
-    try:
+    with reading(str(path)):
         content = parse_file(path, "JSON", json.loads)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-    if not isinstance(content, dict):
-        raise ValueError(f"{path}: expected an object with keyframes")
+        if not isinstance(content, dict):
+            raise ValueError("expected an object with keyframes")
     if GOAL in content or "points" in content:
         return load_trajectory(path, robot)
-    animation = read_table(_Animation, content, "", problems)
-    given = [name for keyframe in animation.keyframes for name in keyframe.goals]
-    unknown = [name for name in dict.fromkeys(given) if name not in robot.joint_names]
-    problems += name_unknown_joints(unknown, robot.joint_names)
-    if problems:
-        raise ValueError(f"{path}: {'; '.join(problems)}")
+    with reading(str(path)) as problems:
+        animation = read_table(_Animation, content, "", problems)
+        given = [name for keyframe in animation.keyframes for name in keyframe.goals]
+        unknown = [name for name in dict.fromkeys(given) if name not in robot.joint_names]
+        problems += name_unknown_joints(unknown, robot.joint_names)
     collector, names = KeyCollector(robot=robot), robot.joint_names
     for keyframe in animation.keyframes:
         angles = {names.index(name): math.radians(a) for name, a in keyframe.goals.items()}
@@ -282,14 +281,12 @@ DEGREES = "_deg"
 
 def load_key_table(path: Path, robot: Robot) -> KeySequence:
     """Read a CSV table as keys: a column ``time`` [s], and one a joint in rad, or ``JOINT_deg``."""
-    try:
+    with reading(str(path)):
         header, *rows = parse_file(path, "CSV", _read_rows) or [[]]
         if not rows:
             raise ValueError("no keys, expected a header and one row or more")
         joints = _find_joints(header, robot)
         table = _read_numbers(header, rows)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
     time = table[:, header.index(TIME)]
     collector = KeyCollector(robot=robot)
     for row, move in zip(table, np.diff(time, prepend=time[0]), strict=True):

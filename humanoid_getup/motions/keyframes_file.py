@@ -18,11 +18,11 @@ from robots import Robot
 from robots.body.sides import JointSides
 from robots.quaternion import Array
 from robots.storage.validation import (
-    collecting,
     name_unknown_joints,
     outside,
     positive,
     read_toml,
+    reading,
     shown,
 )
 
@@ -83,7 +83,7 @@ def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
     posture follows as last key, ``stand_after`` seconds later, unless the motion's ``end`` is a
     side to lie on.
     """
-    with collecting(str(path), KeyframesError) as problems:
+    with reading(str(path), KeyframesError) as problems:
         file = read_toml(_File, path, problems)
         names = Counter(row.name for row in file.motions)
         problems += [f"motion {shown(name)} is there twice" for name in names if names[name] > 1]

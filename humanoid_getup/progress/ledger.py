@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from robots.storage.encoding import as_kept, to_json_line
-from robots.storage.files import describe, read_bounded, write_atomically
+from robots.storage.files import read_bounded, write_atomically
+from robots.storage.validation import reading
 
 STARTS_OVER = "without --resume it starts over"
 RECIPE, PART, RESULT, CHECKSUM = "recipe", "part", "result", "sha256"
@@ -90,10 +91,8 @@ class Ledger:
 
     def _read(self) -> None:
         """Read the parts of the file."""
-        try:
+        with reading(str(self.path), advice=f" ({STARTS_OVER})"):
             lines = read_bounded(self.path, MOST_BYTES).splitlines(keepends=True)
-        except (OSError, ValueError) as error:
-            raise ValueError(f"{self.path}: {describe(error)} ({STARTS_OVER})") from error
         if len(lines) > 1 and not lines[-1].endswith(b"\n"):
             lines.pop()
         try:

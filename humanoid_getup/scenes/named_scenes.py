@@ -19,10 +19,10 @@ from robots.ground import GROUND_FRICTION
 from robots.quaternion import Array
 from robots.storage.files import readable
 from robots.storage.validation import (
-    collecting,
     on_axes,
     positive,
     read_toml,
+    reading,
     shown,
 )
 
@@ -183,13 +183,13 @@ class SceneTable:
 def read_scene(file: Path, robot: Robot, name: str | None = None) -> Scene:
     """Read a scene from a TOML file, its sizes for a robot."""
     table = read_scene_table(file)
-    with collecting(f"scene {file}"):
+    with reading(f"scene {file}"):
         return build_scene(table, robot, name or readable(file.stem))
 
 
 def read_scene_table(file: Path) -> SceneTable:
     """Read a scene file."""
-    with collecting(f"scene {file}") as problems:
+    with reading(f"scene {file}") as problems:
         return read_toml(SceneTable, file, problems)
 
 

@@ -23,7 +23,7 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.stored_motion import NearestMotion
 from robots import Posture, Robot, TorqueLimit
 from robots.servo import LimitMode
-from robots.storage.validation import collecting, positive, read_toml, whole
+from robots.storage.validation import positive, read_toml, reading, whole
 
 PLAN, POLICY = "plan", "policy"
 RECORDS = Path("policies", "records.toml")
@@ -125,7 +125,7 @@ def load_track_record(robot: Robot) -> TrackRecord:
     file = robot.folder / RECORDS
     if not file.exists():
         return TrackRecord()
-    with collecting(str(file)) as problems:
+    with reading(str(file)) as problems:
         found = read_toml(TrackRecord, file, problems, is_strict=False)
         for number, record in enumerate(found.records, start=1):
             problems += [f"record number {number}: {problem}" for problem in _find_problems(record)]

@@ -23,7 +23,7 @@ from robots.body.parts import leg_length
 from robots.quaternion import Array
 from robots.storage.files import readable, write_atomically
 from robots.storage.toml_document import Value, commented, plain, rounded, tables_of
-from robots.storage.validation import collecting, on_axes, positive, read_toml
+from robots.storage.validation import on_axes, positive, read_toml, reading
 
 ALIKE = np.radians(5.0)  # by which the beginnings of curves may differ that are nearly alike
 
@@ -143,7 +143,7 @@ def load_any_style(robot: Robot) -> Style:
 def read_style(file: Path, robot: Robot) -> Style:
     """Read a style file, with durations for a robot."""
     curves: list[StyleCurves] = []
-    with collecting(f"style file {file}") as problems:
+    with reading(f"style file {file}") as problems:
         table = read_toml(StyleTable, file, problems)
         factor = 1.0 if problems else _scale(robot, table.leg_length)
         for number, row in enumerate(() if problems else table.curves, start=1):

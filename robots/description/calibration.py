@@ -12,7 +12,7 @@ from msgspec import Meta
 from robots.servo import MAX_TICKS
 from robots.storage.files import write_atomically
 from robots.storage.toml_document import table_of
-from robots.storage.validation import Sign, collecting, name_unknown_joints, read_toml, shown, whole
+from robots.storage.validation import Sign, name_unknown_joints, read_toml, reading, shown, whole
 
 if TYPE_CHECKING:
     from robots.robot import Robot
@@ -68,7 +68,7 @@ class Calibration:
     def load(cls, path: Path, robot: Robot) -> Calibration:
         """Load a robot's calibration; the error names all that is wrong."""
         advice = " (make a new one: getup calibrate)"
-        with collecting(f"calibration file {path}", CalibrationError, advice) as problems:
+        with reading(f"calibration file {path}", CalibrationError, advice) as problems:
             calibration = read_toml(cls, path, problems, is_strict=False)
             if calibration.robot not in ("", robot.name):
                 problems.append(

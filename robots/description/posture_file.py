@@ -18,12 +18,12 @@ from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE, Posture
 from robots.robot import Robot
 from robots.storage.validation import (
     Angle,
-    collecting,
     name_missing_joints,
     name_unknown_joints,
     outside,
     parse_file,
     read_table,
+    reading,
     shown,
 )
 
@@ -49,7 +49,7 @@ def load_posture(path: Path, robot: Robot, *, fill: Callable[[str], None] | None
     Joints that it leaves out take the angles of the stance if ``fill`` is given, and ``fill`` is
     called with a line that names them; otherwise they are an error.
     """
-    with collecting(f"posture file {path}"):
+    with reading(f"posture file {path}"):
         record, problems = parse_file(path, "JSON", _parse_json)
         if not isinstance(record, dict):
             raise ValueError("not a JSON object")

@@ -110,23 +110,24 @@ def name_choices(names: Sequence[Any]) -> str:
 
 
 @contextmanager
-def collecting(
-    place: str, error: type[ValueError] = ValueError, advice: str = ""
+def reading(
+    place: str, error: Callable[[str], Exception] = ValueError, advice: str = ""
 ) -> Iterator[list[str]]:
     """Yield a list for the problems of a file; raise all of them together at the end.
 
-    A `ValueError` in between, of a file that cannot be parsed, is raised in the same way.
+    A `ValueError` or `OSError` in between, of a file that cannot be read, is raised in the same
+    way.
 
     Args:
         place: What the message begins with, such as "style file rise.toml".
-        error: What is raised.
+        error: Makes what is raised.
         advice: What the message ends with.
     """
     problems: list[str] = []
     try:
         yield problems
-    except ValueError as found:
-        raise error(f"{place}: {found}") from found
+    except (ValueError, OSError) as found:
+        raise error(f"{place}: {describe(found)}{advice}") from found
     if problems:
         raise error(f"{place}: {'; '.join(problems)}{advice}")
 

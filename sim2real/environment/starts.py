@@ -21,7 +21,8 @@ from robots import Robot, quaternion
 from robots.body.parts import find_arm_joints
 from robots.kinematics import mirror_positions, place
 from robots.quaternion import Array
-from robots.storage.arrays import ArchiveError, check_robot, load_arrays, save_arrays, to_numbers
+from robots.storage.arrays import check_robot, load_arrays, save_arrays, to_numbers
+from robots.storage.validation import reading
 from sim2real.environment.terrain import Terrain
 
 # Weight of the last episode in the success rate of an initial state: the last three episodes
@@ -84,7 +85,7 @@ class StartPool:
     @staticmethod
     def load(file: Path, robot: Robot, width: int) -> StartPool:
         """Read a robot's initial states, of ``width`` MuJoCo positions, from an .npz file."""
-        try:
+        with reading(f"{file} holds no starts, expected an .npz of falls"):
             arrays = load_arrays(file, ("qpos", "robot"), optional=("level", "fallen"))
             check_robot(arrays["robot"], robot.name)
             qpos = to_numbers(arrays["qpos"], "qpos", (None, width))
@@ -93,10 +94,6 @@ class StartPool:
                 level = to_numbers(level, "level", (len(qpos),)).astype(int)
             if fallen is not None:
                 fallen = to_numbers(fallen, "fallen", (len(qpos),)).astype(bool)
-        except (OSError, ArchiveError) as error:
-            raise ValueError(
-                f"{file} holds no starts, expected an .npz of falls: {error}"
-            ) from error
         return StartPool.of(qpos, level, fallen)
 
 

@@ -13,7 +13,7 @@ from msgspec import Meta
 from drivers.errors import SetupError
 from drivers.state import HardwareError
 from drivers.virtual_bus.serving.fault_injector import FaultInjector, LineFault
-from robots.storage.validation import load_toml, read_table, shown, whole
+from robots.storage.validation import load_toml, read_table, reading, shown, whole
 
 LONGEST_TIME = 1e6  # s
 
@@ -137,22 +137,18 @@ class FaultSchedule:
     def from_file(cls, file: Path | str, devices: Collection[int] = ()) -> FaultSchedule:
         """Read the ``[[fault]]`` tables of a TOML file, which may name these devices, if any."""
         file = Path(file)
-        try:
+        with reading(str(file), SetupError) as problems:
             table = load_toml(file)
-        except ValueError as error:
-            raise SetupError(f"{file}: {error}") from error
-        unknown = table.keys() - {"fault"}
-        problems = [f"unknown table {shown(key)}, expected fault" for key in unknown]
-        entries = table.get("fault", [])
-        if not isinstance(entries, list):
-            problems.append(f"fault is {shown(entries)}, expected [[fault]] tables")
-            entries = []
-        faults = [
-            _read_entry(entry, f"fault {i}: ", devices, problems)
-            for i, entry in enumerate(entries, start=1)
-        ]
-        if problems:
-            raise SetupError(f"{file}: {'; '.join(problems)}")
+            unknown = table.keys() - {"fault"}
+            problems += [f"unknown table {shown(key)}, expected fault" for key in unknown]
+            entries = table.get("fault", [])
+            if not isinstance(entries, list):
+                problems.append(f"fault is {shown(entries)}, expected [[fault]] tables")
+                entries = []
+            faults = [
+                _read_entry(entry, f"fault {i}: ", devices, problems)
+                for i, entry in enumerate(entries, start=1)
+            ]
         return cls(tuple(sorted((f for f in faults if f), key=lambda fault: fault.at)))
 
     def plan_actions(self) -> list[tuple[float, Action]]:

@@ -25,8 +25,7 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from humanoid_getup.policy.parity import Comparison, compare_policy, load_trace
 from humanoid_getup.progress.callback import ProgressMonitor
 from robots.storage.encoding import to_json
-from robots.storage.files import describe
-from robots.storage.validation import between
+from robots.storage.validation import between, reading
 
 POLICY_FILE, DESCRIPTION_FILE = "policy.onnx", "description.json"
 
@@ -95,14 +94,12 @@ def import_policy(request: ImportPolicyRequest, monitor: ProgressMonitor) -> Pol
 
         from humanoid_getup.policy.foreign.reading import describe_policy, read_network
         from humanoid_getup.policy.foreign.wrapping import fit_policy, wrap_network
-    try:
+    with reading(f"policy file {request.network}", BadInputError):
         network = read_network(request.network)
         policy = describe_policy(
             network, request.config, joints=request.joints, rate=request.rate, gain=request.gain
         )
         wrapping = fit_policy(policy, robot, dict(pair.split("=") for pair in request.rename))
-    except (ValueError, OSError) as error:
-        raise BadInputError(f"policy file {request.network}: {describe(error)}") from error
     made = wrap_network(network.model, wrapping)
     provenance = {"imported_from": policy.format, "network": request.network.name}
     contract = PolicyContract.of(
@@ -173,11 +170,9 @@ def check_policy(request: CheckPolicyRequest, monitor: ProgressMonitor) -> Polic
     request = name_robot(request, request.policy)
     robot = load_robot(request)
     policy = load_policy(robot, request.policy, None)
-    try:
+    with reading(f"trace {request.trace}", BadInputError):
         trace = load_trace(request.trace, robot)
         comparisons = compare_policy(policy, trace)
-    except (ValueError, OSError) as error:
-        raise BadInputError(f"trace {request.trace}: {describe(error)}") from error
     return PolicyCheck(
         agrees=all(compared.agrees for compared in comparisons),
         steps=len(trace["time"]),

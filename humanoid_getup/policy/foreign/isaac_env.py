@@ -23,7 +23,7 @@ from humanoid_getup.policy.foreign.description import (
     make_term,
 )
 from robots.quaternion import Array
-from robots.storage.validation import parse_file
+from robots.storage.validation import parse_file, reading
 from robots.storage.yaml_text import parse_yaml
 
 MODES = {
@@ -73,10 +73,8 @@ def read_isaac_env(
     file: Path, network: ForeignNetwork, joints: tuple[str, ...], gain: float | None
 ) -> ForeignPolicy:
     """Read an env.yaml; the order of the joints is given, as it has none."""
-    try:  # tagged Python objects are the lists or tables that they tag
+    with reading(str(file)):  # tagged Python objects are the lists or tables that they tag
         values = parse_file(file, "YAML", partial(parse_yaml, keeps_tagged=True))
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}") from error
     if not isinstance(values, dict):
         raise ValueError(f"{file} holds no table, expected Isaac Lab's env.yaml")
     config, name = Config(file.name, values), file.name

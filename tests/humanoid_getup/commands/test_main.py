@@ -204,7 +204,7 @@ def test_too_little_memory_is_told_in_one_line(run: Run, monkeypatch: pytest.Mon
 
 def test_a_process_with_little_memory_says_so(tmp_path: Path):
     """Enough for Python and its libraries, and not for a model in them."""
-    limit = (600_000_000, 600_000_000)
+    limit = (500_000_000, 500_000_000)
     found = getup(
         *("rise", "--from", "prone", "--out", str(tmp_path / "out")),
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},

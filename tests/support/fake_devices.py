@@ -16,7 +16,7 @@ from drivers.dynamixel.protocol2 import (
     Status,
 )
 from drivers.dynamixel.wire import PROTOCOL_2
-from drivers.virtual_bus.devices.chain import X_SERIES, Reply
+from drivers.virtual_bus.devices.chain import CycleEnd, Reply
 
 
 @dataclass
@@ -37,7 +37,7 @@ class FakeDevice:
 
 class FakeDevices:
     def __init__(self, ids: Sequence[int], *, delay: float = 0.0, baud: int = 1_000_000) -> None:
-        self.wire, self.cycle_end = PROTOCOL_2, X_SERIES
+        self.wire, self.cycle_end = PROTOCOL_2, CycleEnd.of(())
         self.devices = [FakeDevice(i, baud) for i in ids]
         self._by_id = {device.id: device for device in self.devices}
         self.delay = delay

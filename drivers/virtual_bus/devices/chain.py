@@ -48,17 +48,15 @@ class CycleEnd:
     """
 
     goal: Span
-    torque: Span | None = None
+    torque: Span | None
     """Register of the torque; None where goals are written to limp servos too."""
-    servos: int = 0
+    servos: int
     """Number of servos."""
 
     @classmethod
     def of(cls, tables: Sequence[ControlTable]) -> CycleEnd:
         """Find it for the servos of a bus; that of the X series if there is none."""
-        servos = [table for table in tables if table.is_servo]
-        if not servos:
-            return X_SERIES
+        servos = [table for table in tables if table.is_servo] or [table_named("XM430-W350")]
         torque = None if servos[0].has_watchdog else servos[0]["torque_enable"].span
         return cls(servos[0]["goal_position"].span, torque, len(servos))
 
@@ -77,10 +75,6 @@ class CycleEnd:
             return False
         values = item.params[5::2]
         return len(values) == self.servos and not any(values)
-
-
-X_SERIES = CycleEnd(table_named("XM430-W350")["goal_position"].span)
-"""As in every X and MX(2.0) servo."""
 
 
 class Chain:

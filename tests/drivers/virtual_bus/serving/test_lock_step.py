@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from drivers import Command
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet, Span
-from drivers.virtual_bus.devices.chain import X_SERIES, Chain
+from drivers.virtual_bus.devices.chain import Chain, CycleEnd
 from drivers.virtual_bus.serving.fault_injector import LineFault
 from drivers.virtual_bus.serving.lock_step import QUIET, LockStep
 
@@ -84,9 +84,9 @@ def test_a_cycle_ends_where_a_sync_write_covers_the_whole_goal(address: int, len
     """Goal Position is at 116 to 119 (e-manual)."""
     rows = address.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(length + 1)
     covers = set(range(116, 120)) <= set(range(address, address + length))
-    assert X_SERIES.is_ended_by(Packet(0xFE, Instruction.SYNC_WRITE, rows)) == covers
-    assert not X_SERIES.is_ended_by(Packet(0xFE, Instruction.BULK_WRITE, rows))
-    assert not X_SERIES.is_ended_by(Damaged(0xFE, Instruction.SYNC_WRITE, rows))
+    assert CycleEnd.of(()).is_ended_by(Packet(0xFE, Instruction.SYNC_WRITE, rows)) == covers
+    assert not CycleEnd.of(()).is_ended_by(Packet(0xFE, Instruction.BULK_WRITE, rows))
+    assert not CycleEnd.of(()).is_ended_by(Damaged(0xFE, Instruction.SYNC_WRITE, rows))
 
 
 # The client's port -------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -168,21 +168,9 @@ FEATURE_SIGN = torch.tensor([1.0, -1.0, 1.0])  # of features counted from uprigh
 class StyledNetwork(nn.Module):
     """Maps observations to actions and to the memory, as `PriorHead` does with an actor."""
 
-    latent_sign: torch.Tensor
-    latent_mean: torch.Tensor
-    latent_std: torch.Tensor
-    pos_mean: torch.Tensor
-    pos_std: torch.Tensor
-    feature_mean: torch.Tensor
-    feature_std: torch.Tensor
-    feature_sign: torch.Tensor
-    mirror_sign: torch.Tensor
-    standing: torch.Tensor
-    stance_range: torch.Tensor
-    ankles: torch.Tensor
-    gains: torch.Tensor
-    home: torch.Tensor
-    scale: torch.Tensor
+    if TYPE_CHECKING:  # buffers, which are registered by their names
+
+        def __getattr__(self, name: str) -> torch.Tensor: ...
 
     def __init__(
         self, actor: nn.Module, terms: tuple[Term, ...], action: ActionSpec, prior: PosePrior

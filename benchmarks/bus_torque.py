@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import tyro
 from rich.console import Console
+from script import counting
 
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
@@ -25,7 +26,6 @@ from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.rise import RiseFigures
 from humanoid_getup.execution.session import SessionOptions

@@ -13,9 +13,8 @@ import tyro
 from path_planning.comparison import SEARCH_FIGURES, bench_planner
 from path_planning.limited_checker import Budget
 from path_planning.planning_problems import OWN_PLANNERS, Planner
-from script import write_results
+from script import counting, write_results
 
-from humanoid_getup.commands.console import counting
 from robots import load_robot
 
 SCENES = ("beam", "low-bed-a", "low-bed-b", "soft-bed", "table", "wall")

@@ -14,9 +14,7 @@ from path_planning.cost import OBSTACLES, bench_planner_cost
 from path_planning.generic_humanoid import JOINT_COUNTS
 from path_planning.limited_checker import Budget
 from path_planning.plot import save_planner_cost
-from script import write_results
-
-from humanoid_getup.commands.console import counting
+from script import counting, write_results
 
 
 def main(

@@ -34,10 +34,10 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 from scipy.interpolate import PchipInterpolator
+from script import counting
 
 from drivers import Command, State
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, MeasuredRise, list_pieces, measure_rise
-from humanoid_getup.commands.console import counting
 from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.judging.summary import RiseSummary

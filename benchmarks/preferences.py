@@ -24,10 +24,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import tyro
 from numpy.typing import NDArray
+from script import counting
 
 from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.rise import RiseFigures
 from humanoid_getup.experiments.falls import Fall, sample_falls

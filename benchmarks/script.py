@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, TypeVar
 
-from humanoid_getup.commands.console import console_for, counting, format_figure, make_table
+from humanoid_getup.commands.console import console_for, format_figure, make_bars, make_table
 from humanoid_getup.engines.executor import do_pieces as run_pieces
 from humanoid_getup.engines.executor import make_executor
 from humanoid_getup.engines.versions import checked
@@ -26,6 +27,14 @@ RISE_FIGURES = ("n", "planned", "stood", "stood_interval_95", *LOAD_FIGURES)
 """Figures of a table of rises."""
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
+
+
+@contextmanager
+def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
+    """Show a progress bar on standard error; yield what advances it."""
+    with make_bars() as bars:
+        bar = bars.add_task(what, total=total, note="")
+        yield lambda done: bars.advance(bar, done)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,7 +24,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import combinations, groupby
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -54,6 +54,7 @@ _HG = {
 }
 """What the parts of the product hold, of its largest package."""
 PROSE = {"docs": "docs/**/*.md", "top": "*.md", "plugins": "plugins/*/*.md", "README": "README.md"}
+LEAST_FIELDS, MIRRORED = 4, 0.6  # of value classes that mirror each other, share of the smaller
 MOST_LISTED = 12  # files that a walk comes back to most often
 
 
@@ -105,6 +106,7 @@ def count(tree: Path) -> dict[str, Any]:
         "public_names_documented": sum(ast.get_docstring(node) is not None for node in public),
         "lines_by_folder": count_by_folder(tree, texts),
         **count_doubles(files, nodes),
+        "mirrored_classes": list_mirrored(nodes),
         "functions_of_more_than_5_arguments": sum(count_arguments(f) > 5 for f in functions),
         "functions_of_more_than_7_arguments": sum(count_arguments(f) > 7 for f in functions),
         "dicts_of_anything": sum(
@@ -168,6 +170,25 @@ def count_doubles(files: list[Path], nodes: list[ast.AST]) -> dict[str, Any]:
         "module_names_twice": sum(times > 1 for times in modules.values()),
         "constants": sum(isinstance(node, ast.Module) and count_constants(node) for node in nodes),
     }
+
+
+def list_mirrored(nodes: list[ast.AST]) -> list[str]:
+    """List pairs of value classes of which one declares three fifths of the other's fields."""
+    fields = {
+        node.name: {
+            each.target.id
+            for each in node.body
+            if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name)
+        }
+        for node in nodes
+        if isinstance(node, ast.ClassDef)
+    }
+    large = [(name, own) for name, own in fields.items() if len(own) >= LEAST_FIELDS]
+    return [
+        f"{one} and {other}: {', '.join(sorted(ours & theirs))}"
+        for (one, ours), (other, theirs) in combinations(large, 2)
+        if len(ours & theirs) >= MIRRORED * min(len(ours), len(theirs))
+    ]
 
 
 def count_constants(module: ast.Module) -> int:
@@ -288,7 +309,8 @@ def main(options: Options) -> None:
     for name, case in cases.items():
         print(f"{name}:")
         for key, value in case.items():
-            print(f"  {key:24} {value}")
+            lines = value if isinstance(value, list) else [value]
+            print(f"  {key:24} {f'{chr(10)}{chr(32) * 27}'.join(map(str, lines))}")
     if options.json is not None:
         write_atomically(options.json, to_json({"name": "code_size", "cases": cases}))
 

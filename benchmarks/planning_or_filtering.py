@@ -18,10 +18,11 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 from rich.console import Console
+from script import counting
 
 from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.commands.console import counting, format_figure, make_table
+from humanoid_getup.commands.console import format_figure, make_table
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.falls import Fall, sample_falls

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import tyro
-from script import Options, write_results
+from script import Options, counting, write_results
 
 from drivers import Command, SafetyGuard, State, run
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
@@ -28,7 +28,6 @@ from drivers.virtual_bus.serving.lock_step import QUIET
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.falls import sample_falls

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
-from scipy.cluster.hierarchy import fcluster, linkage
+import scipy  # which imports its parts when they are used
 
 from humanoid_getup.experiments.falls import classify
 from humanoid_getup.motions.motion import FOUND, Motion
@@ -113,6 +113,8 @@ def label_ways(ways: Sequence[Array]) -> list[int]:
     if len(ways) < 2:
         return [1] * len(ways)
     rows = np.array([way.ravel() for way in ways])
-    return fcluster(
-        linkage(rows, "average"), SAME_WAY * np.sqrt(rows.shape[1]), "distance"
+    return scipy.cluster.hierarchy.fcluster(
+        scipy.cluster.hierarchy.linkage(rows, "average"),
+        SAME_WAY * np.sqrt(rows.shape[1]),
+        "distance",
     ).tolist()

@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import partial, reduce
 
 import numpy as np
+import scipy  # which imports its parts when they are used
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.rollouts import Experiment
@@ -227,7 +227,9 @@ def thin(keyframes: Keyframes, tolerance: float) -> Keyframes:
     at, keys = np.concatenate([[0.0], np.cumsum(keyframes.duration)]), keyframes.keys
     kept = [0, len(keys) - 1]
     while len(kept) < len(keys):
-        off = np.abs(PchipInterpolator(at[kept], keys[kept], axis=0)(at) - keys).max(axis=1)
+        off = np.abs(
+            scipy.interpolate.PchipInterpolator(at[kept], keys[kept], axis=0)(at) - keys
+        ).max(axis=1)
         worst = int(off.argmax())
         if off[worst] <= tolerance:
             break

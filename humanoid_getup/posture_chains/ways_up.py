@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # which imports its parts when they are used
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
@@ -150,7 +150,7 @@ class WaysUp:
     def pair(self, states: list[RestingState], most: int) -> list[Pair]:
         """Pair states with near ones that have a way up, each pair once, the nearest first."""
         ups, pairs = list(self), []
-        distance = cdist(_locate(states), _locate(ups))
+        distance = scipy.spatial.distance.cdist(_locate(states), _locate(ups))
         distance += DEPTH_COST * np.array([up.depth for up in ups])
         for k in np.argsort(distance, axis=None, kind="stable"):
             i, j = np.unravel_index(k, distance.shape)

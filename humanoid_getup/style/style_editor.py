@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import brentq
+import scipy  # which imports its parts when they are used
 
 from humanoid_getup.style.curves import HIGHEST, PLACES, POINTS, StyleCurves
 from humanoid_getup.style.features import COUNT
@@ -43,7 +42,9 @@ def shift_rise(curves: StyleCurves, delay: float) -> StyleCurves:
 
     def warp(share: float) -> StyleCurves:
         """Move the features at the time of the rise to a share of the duration."""
-        bend = PchipInterpolator([0.0, share, 1.0], [0.0, now / curves.duration, 1.0])
+        bend = scipy.interpolate.PchipInterpolator(
+            [0.0, share, 1.0], [0.0, now / curves.duration, 1.0]
+        )
         return curves.retimed(curves.duration * bend(PLACES), curves.duration)
 
     def miss(share: float) -> float:
@@ -55,7 +56,7 @@ def shift_rise(curves: StyleCurves, delay: float) -> StyleCurves:
             f"the rise would be at {wanted:.4g} s of {curves.duration:.2f} s, expected "
             f"{wanted + early:.2f} to {wanted + late:.2f} s: make the style slower first"
         )
-    found: Any = brentq(miss, EDGE, 1.0 - EDGE, xtol=1e-4)
+    found: Any = scipy.optimize.brentq(miss, EDGE, 1.0 - EDGE, xtol=1e-4)
     return warp(float(found))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +21,6 @@ LYING = 0.6  # share of the standing neck height below which a robot lies, sits 
 LOST = 3.0  # s of deviation from style curves while it lies where none begin: it has failed then
 
 
-@dataclass(frozen=True, eq=False)
-class _First:
-    """The first curves of rises, and the deviations from them."""
-
-    curves: Sequence[StyleCurves]
-    features: Array
-    """Features measured at the start, (N, 3)."""
-    errors: StyleErrors
-
-
 class StyleFollower:
     """Follows a style from one policy step to the next."""
 
@@ -41,7 +30,9 @@ class StyleFollower:
 
     def reset(self) -> None:
         """Begin a rise: the first measurement determines the curves."""
-        self._first: _First | None = None
+        self._first: Sequence[StyleCurves] = ()  # curves
+        self._start = np.zeros((self._n, COUNT))  # features
+        self._errors: StyleErrors | None = None  # deviations from the first curves
         self.restarts = np.zeros(self._n, dtype=int)
         """How often each robot restarted after it had deviated from its curves, (N,)."""
 
@@ -54,14 +45,14 @@ class StyleFollower:
         """
         tracker = self._tracker
         tracker.measure(np.atleast_2d(sensed.gravity), np.atleast_2d(sensed.joint_pos))
-        if self._first is None:
-            curves = [self._choose(row, seen) for row, seen in enumerate(self.measured)]
-            tracker.begin(np.arange(self._n), curves)
-            errors = StyleErrors(curves, self.measured, tracker.time)
-            self._first = _First(curves, self.measured, errors)
+        if self._errors is None:
+            self._start = self.measured
+            self._first = [self._choose(row, seen) for row, seen in enumerate(self._start)]
+            tracker.begin(np.arange(self._n), self._first)
+            self._errors = StyleErrors(self._first, self._start, tracker.time)
             return np.arange(0)
         seen = self.measured if true_features is None else true_features
-        self._first.errors.note(seen, step_time)
+        self._errors.note(seen, step_time)
         tracker.advance(step_time)
         again = tracker.restart_deviating(step_time, self._choose)
         self.restarts[again] += 1
@@ -84,19 +75,18 @@ class StyleFollower:
     @property
     def is_lost(self) -> NDArray[np.bool_]:
         """Return whether each robot has deviated for long and lies where no curves begin, (N,)."""
-        if self._first is None:
+        if self._errors is None:
             return np.zeros(self._n, dtype=bool)
         return (self.measured[:, 0] < LYING) & (self._tracker.deviating > LOST)
 
     @property
     def mean_error(self) -> Array:
         """Return the mean errors from the first curves, (N, 3); NaN before the first step."""
-        return self._first.errors.mean if self._first else np.full((self._n, COUNT), np.nan)
+        return self._errors.mean if self._errors else np.full((self._n, COUNT), np.nan)
 
     def summarize(self) -> FollowedStyle | None:
         """Summarize how the first robot followed its curves; None before the first step."""
-        first = self._first
-        if first is None:
+        if self._errors is None:
             return None
         restarts = int(self.restarts[0])
-        return FollowedStyle.of(first.errors, first.curves[0], first.features[0], restarts)
+        return FollowedStyle.of(self._errors, self._first[0], self._start[0], restarts)

@@ -30,14 +30,7 @@ from sim2real.environment.action_heads import (
 )
 from sim2real.pose_prior import Network, PosePrior
 
-Exchange = tuple[list[int], list[float]]
-"""A `Mirror` as plain lists, for rsl-rl's configuration."""
 ROOT = math.sqrt(0.5)
-
-
-def as_exchange(mirror: Mirror) -> Exchange:
-    """Write a mirror as plain lists."""
-    return mirror.index.tolist(), mirror.sign.tolist()
 
 
 class SymmetricModel(MLPModel):
@@ -50,8 +43,8 @@ class SymmetricModel(MLPModel):
     def __init__(
         self,
         *args: Any,
-        inputs: Exchange,
-        outputs: Exchange,
+        inputs: Mirror,
+        outputs: Mirror,
         hidden_dims: list[int],
         activation: str = "elu",
         **kwargs: Any,
@@ -68,11 +61,11 @@ class MirroredNormalizer(nn.Module):
     index: torch.Tensor
     sign: torch.Tensor
 
-    def __init__(self, normalizer: Any, inputs: Exchange) -> None:
+    def __init__(self, normalizer: Any, inputs: Mirror) -> None:
         super().__init__()
         self.normalizer = normalizer
-        self.register_buffer("index", torch.tensor(inputs[0]))
-        self.register_buffer("sign", torch.tensor(inputs[1], dtype=torch.float32))
+        self.register_buffer("index", torch.tensor(inputs.index))
+        self.register_buffer("sign", torch.tensor(inputs.sign, dtype=torch.float32))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """Normalize observations (N, d)."""
@@ -107,7 +100,7 @@ class SymmetricNetwork(nn.Module):
     outputs_turned: torch.Tensor
 
     def __init__(
-        self, inputs: Exchange, outputs: Exchange, hidden: list[int], activation: str = "elu"
+        self, inputs: Mirror, outputs: Mirror, hidden: list[int], activation: str = "elu"
     ) -> None:
         """Build the layers; their hidden units are even numbers."""
         super().__init__()
@@ -138,23 +131,23 @@ class SymmetricNetwork(nn.Module):
         return found + self.turned[-1](turned) @ self.outputs_turned
 
 
-def split(exchange: Exchange) -> tuple[torch.Tensor, torch.Tensor]:
+def split(mirror: Mirror) -> tuple[torch.Tensor, torch.Tensor]:
     """Find orthonormal combinations that an exchange keeps, (p, d), and those that it negates.
 
     The sign of the latter, (q, d), is changed; p and q add up to d.
     """
     kept, turned = [], []
-    for i, (j, sign) in enumerate(zip(*exchange, strict=True)):
-        row = torch.zeros(len(exchange[0]))
+    for i, (j, sign) in enumerate(zip(mirror.index, mirror.sign, strict=True)):
+        row = torch.zeros(len(mirror.index))
         if i == j:
             row[i] = 1.0
             (kept if sign > 0.0 else turned).append(row)
         elif i < j:
             for combinations, other in ((kept, sign), (turned, -sign)):
-                row = torch.zeros(len(exchange[0]))
+                row = torch.zeros(len(mirror.index))
                 row[i], row[j] = ROOT, other * ROOT
                 combinations.append(row)
-    empty = torch.zeros(0, len(exchange[0]))
+    empty = torch.zeros(0, len(mirror.index))
     return tuple(torch.stack(rows) if rows else empty for rows in (kept, turned))  # pyright: ignore[reportReturnType]
 
 

@@ -16,7 +16,7 @@ from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint, restore_li
 from sim2real.training.config import STEPS, Recipe, TrainingRecord
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.imitation import imitate
-from sim2real.training.networks import as_exchange, extend_actions, extend_inputs
+from sim2real.training.networks import extend_actions, extend_inputs
 from sim2real.training.policy_parent import read_actor
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
 
@@ -219,9 +219,9 @@ def build_config(recipe: Recipe, seed: int, mirrors: Mirrors | None = None) -> d
     actor, critic = network | {"distribution_cfg": gaussian}, dict(network)
     if mirrors is not None:
         own = {"class_name": "sim2real.training.networks:SymmetricModel"}
-        inputs, critic_inputs, outputs = map(as_exchange, mirrors)
+        inputs, critic_inputs, outputs = mirrors
         actor |= own | {"inputs": inputs, "outputs": outputs}
-        critic |= own | {"inputs": critic_inputs, "outputs": as_exchange(SAME)}
+        critic |= own | {"inputs": critic_inputs, "outputs": SAME}
     return {
         "seed": seed,
         "num_steps_per_env": STEPS,

@@ -24,7 +24,7 @@ from sim2real.environment.starts import StartPool
 from sim2real.training import runner as runner_module
 from sim2real.training.config import RECIPES
 from sim2real.training.distributed import DistributedProcess
-from sim2real.training.networks import SymmetricModel, as_exchange
+from sim2real.training.networks import SymmetricModel
 from sim2real.training.ppo import AVERAGE, UPDATES, AveragingPPO
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
 from sim2real.training.runner import TrainingRunner, build_config
@@ -190,8 +190,8 @@ def make_model(inputs: Mirror = INPUT_MIRROR) -> SymmetricModel:
         2,
         hidden_dims=[8, 8],
         obs_normalization=True,
-        inputs=as_exchange(inputs),
-        outputs=as_exchange(OUTPUT_MIRROR),
+        inputs=inputs,
+        outputs=OUTPUT_MIRROR,
     )
 
 

@@ -39,7 +39,6 @@ from humanoid_getup.commands.motions.build_motions import build_motions as build
 from humanoid_getup.commands.motions.build_motions import retarget as retarget
 from humanoid_getup.commands.motions.discover_motions import DiscoverRequest as DiscoverRequest
 from humanoid_getup.commands.motions.discover_motions import discover as discover
-from humanoid_getup.commands.motions.discover_motions import discover_all as discover_all
 from humanoid_getup.commands.motions.export_motion import ExportMotionRequest as ExportMotionRequest
 from humanoid_getup.commands.motions.export_motion import export_motion as export_motion
 from humanoid_getup.commands.motions.import_clip import ClipRequest as ClipRequest

@@ -188,13 +188,6 @@ def read_states(path: Path, world: World) -> FiledStates:
         )
 
 
-def read_simulated(path: Path) -> float:
-    """Read how long a search has simulated [s]."""
-    arrays, _ = _load(path)
-    with _naming_damage(path):
-        return sum(_read_counts(arrays).simulated)
-
-
 def restore_search(
     path: Path, arrays: dict[str, Any], discovery: ChainDiscovery, load: Callable[[str], Motion]
 ) -> None:

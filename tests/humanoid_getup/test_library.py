@@ -40,9 +40,9 @@ def test_importing_the_package_is_light_and_chooses_a_gl_before_mujoco():
 
 def test_every_public_name_is_there_and_is_listed():
     names = """load_robot Body World Twin DynamixelBackend SafetyGuard TorqueLimit sample_fall
-        get_up keep_stand PlannedRise PlannerSettings LearnedRise StoredMotion Motion OnnxPolicy SessionOptions
-        Style StyleCurves StyledRise load_style import_robot check_robot build_motions retarget
-        discover discover_all import_keys import_clip extract_style plan preflight preview
+        get_up keep_stand PlannedRise PlannerSettings LearnedRise StoredMotion Motion OnnxPolicy
+        SessionOptions Style StyleCurves StyledRise load_style import_robot check_robot
+        build_motions retarget discover import_keys import_clip extract_style plan preflight preview
         make_prior train export evaluate benchmark measure_robot rise play_motion run_policy sit
         hold watch replay_flight export_log export_motion export_robot CancelledError Progress
         ProgressMonitor import_policy check_policy"""

@@ -536,12 +536,8 @@ robots check op3 --picture folder | output file folder: is a folder
 [onnx] motions discover quick --robot op3 --rises 1 | --rises is 1
 motions discover --robot op3 --rises 9 | --rises is given, expected none without
 motions discover quick --robot op3 --budget 9 | --budget is given, expected none
-motions discover quick --robot op3,tiny | --robot is op3,tiny, expected one with a policy
-motions discover quick --engine local:2 --resume --torque-limit 2
-    | --resume is given, expected none with a policy | --torque-limit is | --engine is given
-motions discover --robot op3,tiny --picture a.png
-    | --picture is given, expected none with several robots
-motions discover --robot op3,op3 | --robot has op3 twice, expected robots of different
+motions discover quick --resume --torque-limit 2
+    | --resume is given, expected none with a policy | --torque-limit is
 motions discover --robot op3 --sides right | --sides is 'right', expected supine
 motions discover --robot op3 --budget 0 | --budget is 0 s, expected 1 to
 motions discover --robot op3 --resume | there is no search to resume

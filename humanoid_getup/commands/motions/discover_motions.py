@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +11,7 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError, refusing
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, refusing
 from humanoid_getup.commands.files import PICTURE, READ, ROBOT
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.motions.build_motions import check_folders
@@ -24,21 +22,15 @@ from humanoid_getup.commands.motions.search_motions import (
 )
 from humanoid_getup.commands.options import (
     Count,
-    EngineOptions,
     RobotOption,
     Seed,
     TorqueLimitValue,
     write_command,
 )
 from humanoid_getup.commands.output_files import check_file
-from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
-from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.engines.versions import checked
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import name_robot
-from humanoid_getup.posture_chains.search_file import read_simulated
-from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
-from humanoid_getup.progress.worker import report
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.film_strip import NoRendererError, PostureRow, draw_motions
 from robots import Robot
 from robots.storage.validation import at_least, between
@@ -47,7 +39,7 @@ DEFAULT_ROBOT = "op3"
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscoverRequest(EngineOptions, RobotOption):
+class DiscoverRequest(RobotOption):
     """Find motions of a robot that has none: search in physics how it gets up from each side.
 
     From lying, the servos' targets move from one posture in which the robot rests to the next,
@@ -64,9 +56,8 @@ class DiscoverRequest(EngineOptions, RobotOption):
             "default: none, a search.",
         ),
     ] = ""
-    robot: Annotated[str, ROBOT, arg(metavar="NAME|DIR,...")] = ""
-    """Names of robots, or folders with a robot.toml; the engine runs one search for each. Default:
-    op3, or the policy file's robot."""
+    robot: Annotated[str, ROBOT] = ""
+    """Name of a robot, or a folder with a robot.toml; default: op3, or the policy file's robot."""
     sides: Annotated[tuple[str, ...], arg(metavar="SIDE,...")] = ()
     """Sides from which motions are searched: supine, prone, left; those from the right mirror
     those from the left, unless a limp joint makes them differ; default: all."""
@@ -84,27 +75,17 @@ class DiscoverRequest(EngineOptions, RobotOption):
     picture: Annotated[Path | None, PICTURE, arg(metavar="FILE.png")] = None
     """Picture of the motions to write; default: ROBOT_motions.png."""
 
-    @property
-    def robots(self) -> tuple[str, ...]:
-        """Return the robots."""
-        return tuple(self.robot.split(","))
-
     def find_problems(self) -> list[str]:
         """Report options of a search with a policy, and the reverse, as well."""
-        problems = super().find_problems()
-        if len(self.robots) > 1 and self.picture is not None:
-            problems.append("--picture is given, expected none with several robots")
-        if len(self.robots) > 1 and self.policy:
-            problems.append(f"--robot is {self.robot}, expected one with a policy")
         of_search = {
             "--budget": self.budget,
             "--resume": self.resume or None,
             "--torque-limit": self.torque_limit,
-            "--engine": None if self.engine == EngineOptions.engine else self.engine,
         }
         wrong, state = (of_search, "with") if self.policy else ({"--rises": self.rises}, "without")
         given = [name for name, value in wrong.items() if value is not None]
-        return problems + [f"{name} is given, expected none {state} a policy" for name in given]
+        problems = [f"{name} is given, expected none {state} a policy" for name in given]
+        return super().find_problems() + problems
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,44 +107,28 @@ class DiscoveredMotions:
 
 def is_begun(request: DiscoverRequest) -> bool:
     """Tell whether there is a search to resume."""
-    robots = [load_robot(each) for each in _split(request)]
-    return not request.policy and any(MotionSearch.file(robot).exists() for robot in robots)
+    return not request.policy and MotionSearch.file(_load_robot(request)).exists()
 
 
 @command("motions discover", is_begun=is_begun)
-def discover_all(
-    request: DiscoverRequest, monitor: ProgressMonitor
-) -> tuple[DiscoveredMotions, ...]:
-    """Find motions of robots from each side, and store them with their keys and a picture."""
+def discover(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMotions:
+    """Find motions of a robot from each side, and store them with their keys and a picture."""
     if request.policy:
         monitor.begin("loading")
         from humanoid_getup.commands.motions.harvest_policy import harvest_policy  # slow to import
 
-        found = (harvest_policy(request, monitor),)
+        found = harvest_policy(request, monitor)
     else:
         found = _search(request, monitor)
     monitor.begin("drawing")
-    return tuple(_draw(each, request) for each in found)
+    return _draw(found, request)
 
 
-@discover_all.show
-def _print(found: tuple[DiscoveredMotions, ...], request: DiscoverRequest, console: Console) -> int:
-    for each in found:
-        if len(found) > 1:
-            console.print(f"{each.robot.name}:", markup=False)
-        for line in _tell(each, request):
-            console.print(line, markup=False, soft_wrap=True)
-    return DID_NOT_STAND if any(each.wanting for each in found) else DID_IT
-
-
-def discover(
-    request: DiscoverRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> DiscoveredMotions:
-    """Find motions of one robot, as `discover_all` does for several."""
-    if len(request.robots) > 1:
-        raise BadInputError(f"robot is {request.robot}, expected one: discover_all takes several")
-    (found,) = discover_all(request, report, cancel)
-    return found
+@discover.show
+def _print(found: DiscoveredMotions, request: DiscoverRequest, console: Console) -> int:
+    for line in _tell(found, request):
+        console.print(line, markup=False, soft_wrap=True)
+    return DID_NOT_STAND if found.wanting else DID_IT
 
 
 def _tell(found: DiscoveredMotions, request: DiscoverRequest) -> Iterator[str]:
@@ -180,33 +145,25 @@ def _tell(found: DiscoveredMotions, request: DiscoverRequest) -> Iterator[str]:
         yield f"next: getup rise {name_robot(found.robot)} --from {start}"
 
 
-def _split(request: DiscoverRequest) -> list[DiscoverRequest]:
-    """Return a request for each robot."""
-    return [replace(request, robot=robot or DEFAULT_ROBOT) for robot in request.robots]
+def _load_robot(request: DiscoverRequest) -> Robot:
+    return load_robot(replace(request, robot=request.robot or DEFAULT_ROBOT))
 
 
-def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> tuple[DiscoveredMotions, ...]:
+def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMotions:
     """Search in physics."""
-    robots = [load_robot(each) for each in _split(request)]
-    if twice := sorted({a.name for a in robots if [b.name for b in robots].count(a.name) > 1}):
-        raise BadInputError(f"--robot has {twice[0]} twice, expected robots of different names")
-    robots = [robot for robot in robots if _is_searched(robot, request, monitor)]
-    return spread_searches(robots, request, monitor)
-
-
-def _is_searched(robot: Robot, request: DiscoverRequest, monitor: ProgressMonitor) -> bool:
-    """Check that a search can begin; return whether it has to, when several are resumed."""
+    robot = _load_robot(request)
     check_files(robot, request)
-    begun = MotionSearch.file(robot).exists()
-    if not request.resume or begun or len(request.robots) == 1:
-        check_begin(robot, request)
-        return True
-    try:
-        check_begin(robot, replace(request, resume=False))
-    except ValueError as error:
-        monitor.tell(f"{robot.name}: {error}")
-        return False
-    return True
+    check_begin(robot, request)
+    with refusing():
+        searching = MotionSearch(robot, request, monitor)
+        searching.run()
+    return DiscoveredMotions(
+        robot=robot,
+        motions=tuple(motion for each in searching.sides for motion in each.kept),
+        wanting=searching.list_wanting(),
+        nearest=searching.list_nearest(),
+        goes_on=MotionSearch.file(robot).exists(),
+    )
 
 
 def _draw(found: DiscoveredMotions, request: DiscoverRequest) -> DiscoveredMotions:
@@ -230,70 +187,3 @@ def check_files(robot: Robot, request: DiscoverRequest) -> None:
     """Refuse what cannot be written."""
     check_folders(robot)
     check_file(_find_picture(robot, request))
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchPiece:
-    """The search for motions of one robot, which writes into its folder."""
-
-    request: DiscoverRequest
-    before: float | None
-    """Simulated time before the budget begins to count [s]; None for a new search."""
-    prefix: str
-    """What its reports begin with."""
-    folder: SharedFolder
-    """The search ends when it is released."""
-
-
-def spread_searches(
-    robots: Sequence[Robot], request: DiscoverRequest, monitor: ProgressMonitor
-) -> tuple[DiscoveredMotions, ...]:
-    """Search for motions of robots, for each of which `check_begin` was called."""
-    several = len(robots) > 1
-
-    def end(name: str, result: DiscoveredMotions) -> None:
-        if several:
-            wanting = f", none from {', '.join(result.wanting)}" if result.wanting else ""
-            monitor.tell(f"{name}: {len(result.motions)} motions{wanting}")
-
-    with ExitStack() as stack:
-        stack.enter_context(refusing())
-        executor = stack.enter_context(starting(request, len(robots)))
-        pieces = {
-            robot.name: SearchPiece(
-                request=make_worker_request(
-                    DiscoverRequest, request, robot=str(robot.folder), picture=None
-                ),
-                before=read_simulated(path)
-                if (path := MotionSearch.file(robot)).exists()
-                else None,
-                prefix=f"{robot.name}: " if several else "",
-                folder=stack.enter_context(sharing(robot, request)),
-            )
-            for robot in robots
-        }
-        # Searches write into the folders of their robots: these are no version.
-        work = checked(partial(search_piece, 0 if is_here(executor) else 1), executor)
-        return tuple(do_pieces(work, pieces, executor, ended=end, monitor=monitor).values())
-
-
-def search_piece(threads: int, piece: SearchPiece) -> DiscoveredMotions:
-    """Search for motions of a robot, in a worker."""
-    request = piece.request
-    piece.folder.check()
-
-    def show(progress: Progress) -> None:
-        field = "message" if progress.message else "phase"
-        report(replace(progress, **{field: f"{piece.prefix}{getattr(progress, field)}"}))
-
-    monitor = ProgressMonitor(show, piece.folder.is_released)
-    robot = load_robot(request)
-    searching = MotionSearch(robot, request, monitor, before=piece.before, threads=threads)
-    searching.run()
-    return DiscoveredMotions(
-        robot=robot,
-        motions=tuple(motion for each in searching.sides for motion in each.kept),
-        wanting=searching.list_wanting(),
-        nearest=searching.list_nearest(),
-        goes_on=MotionSearch.file(robot).exists(),
-    )

@@ -84,25 +84,13 @@ class NearestStand:
 class MotionSearch:
     """A search in physics for motions of one robot, which can be interrupted and resumed."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        request: DiscoverRequest,
-        monitor: ProgressMonitor,
-        *,
-        before: float | None = None,
-        threads: int = 0,
-    ) -> None:
-        """Begin a search, for which `check_begin` was called, or go on with the one that is stored.
-
-        The budget begins to count after the simulated time ``before`` [s], by default the present
-        one: a search that lost its worker is not given more.
-        """
+    def __init__(self, robot: Robot, request: DiscoverRequest, monitor: ProgressMonitor) -> None:
+        """Begin a search, for which `check_begin` was called, or go on with the stored one."""
         self._robot, self._request, self._monitor = robot, request, monitor
         self._world, self._sides = World(robot), choose_sides(request, robot)
         Limbs(robot)  # refuses a robot without arms or legs
         limit = TorqueLimit(request.torque_limit).on(robot)
-        settings = SearchSettings(limit=limit, threads=threads)
+        settings = SearchSettings(limit=limit)
         self._recipe = make_recipe(self._world, settings, self._sides, request.seed)
         file = self.file(robot)
         arrays = read_search(file, self._recipe) if file.exists() else None
@@ -116,11 +104,11 @@ class MotionSearch:
             accept=self._preflight,
             announce=self._show_making,
         )
-        self._begun = self._discovery.simulated if before is None else before
         if arrays is not None:
             restore_search(file, arrays, self._discovery, self._load)
             sides = ", ".join(map(_describe_side, self.sides))
             monitor.tell(f"goes on after {self._discovery.simulated:,.0f} s simulated: {sides}")
+        self._begun = self._discovery.simulated
         self._saved, self._state = time.monotonic(), self._describe()
         for side in self._discovery.skipped:
             monitor.tell(f"{side}: no posture was found in which the robot stays on this side")

@@ -10,16 +10,11 @@ from pathlib import Path
 import pytest
 from run_getup import Run
 
-from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.motions import search_motions
 from humanoid_getup.commands.motions.discover_motions import (
     DiscoverRequest,
-    SearchPiece,
     discover,
-    discover_all,
-    search_piece,
 )
-from humanoid_getup.commands.pieces import SharedFolder
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database, suggest_motions
@@ -148,45 +143,3 @@ def test_op3_finds_a_rise_from_its_back(bare: Path, run: Run):
     assert code == 0, out
     motion = Motion.load(bare / "motions" / "supine_found_1.npz")
     assert float(motion.provenance["disturbed_success"]) >= 0.9
-
-
-@pytest.fixture
-def two(bare: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
-    """Return the folders of two robots without motions, one and two."""
-    monkeypatch.chdir(bare.parent)
-    folders = [Path(shutil.copytree(bare, bare.with_name(name))) for name in ("one", "two")]
-    for folder in folders:
-        described = (folder / "robot.toml").read_text("utf-8")
-        renamed = re.sub(r"(?m)^name = .*", f'name = "{folder.name}"', described, count=1)
-        (folder / "robot.toml").write_text(renamed, "utf-8")
-    return folders
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("small_batches")
-def test_a_cancelled_search_of_several_robots_is_resumed_where_it_was(two: list[Path], run: Run):
-    reports = list[Progress]()
-    request = DiscoverRequest(robot="one,two", sides=("supine",), budget=1.0)
-    with pytest.raises(CancelledError):
-        discover_all(request, reports.append, lambda: reports[-1].phase == "two: search")
-    assert all((folder / "unfinished" / "search.npz").exists() for folder in two)
-    line = "motions discover --robot one,two --sides supine --budget 1 --resume"
-    code, out, _ = run(*line.split())
-    assert code == 1
-    for name in ("one", "two"):
-        assert f"{name}: goes on after" in out
-        assert f"{name}: 0 motions, none from supine" in out
-        assert Path(f"{name}_motions.png").exists()
-
-
-def test_several_robots_and_a_worker_that_does_not_share_the_folder_are_refused(
-    bare: Path, tmp_path: Path
-):
-    folder = SharedFolder(folder=bare, mark=tmp_path / "elsewhere")
-    request = DiscoverRequest(robot=str(bare))
-    with pytest.raises(BadInputError, match="expected one: discover_all takes several"):
-        discover(replace(request, robot="one,two"))
-    piece = SearchPiece(request=request, before=None, prefix="", folder=folder)
-    with pytest.raises(BadInputError, match="expected one that all machines share"):
-        search_piece(1, piece)
-    assert not (bare / "unfinished").exists()

@@ -20,9 +20,10 @@ from humanoid_getup.motions.course import join
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes
 from humanoid_getup.motions.motion import NO_END, Motion, hold_last
-from humanoid_getup.motions.optimization import SearchLog, SearchTask, TrajectoryOptimizer
+from humanoid_getup.motions.optimization import TrajectoryOptimizer
 from humanoid_getup.motions.preference import Preference, PreferenceName
 from humanoid_getup.motions.trial import Trial
+from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit, quaternion
 from robots.kinematics import place
@@ -65,7 +66,7 @@ def build_motion(
     seed: int,
     prefer: PreferenceName | None = None,
     report: Callable[[int, float, float], None] = lambda *_: None,
-    log: SearchLog | None = None,
+    log: Ledger | None = None,
 ) -> Build:
     """Optimize one set of keyframes and record it as a motion.
 
@@ -127,14 +128,15 @@ def _record(trial: Trial, provenance: dict[str, str | float | int]) -> Build:
 
 def make_task(
     robot: Robot, keyframes: Keyframes, seed: int, prefer: PreferenceName | None
-) -> SearchTask:
-    """Describe the inputs of the search for a motion."""
-    return SearchTask(
-        robot=robot.name,
-        keyframes=hashlib.sha256(format_keyframes([keyframes], robot).encode()).hexdigest(),
-        seed=seed,
-        prefer=prefer or "keyframes",
-    )
+) -> dict[str, str | int]:
+    """Describe the inputs of the search for a motion, with a checksum of its keyframes."""
+    written = format_keyframes([keyframes], robot).encode()
+    return {
+        "robot": robot.name,
+        "keyframes": hashlib.sha256(written).hexdigest(),
+        "seed": seed,
+        "prefer": prefer or "keyframes",
+    }
 
 
 def try_out(world: World, keyframes: Keyframes) -> Trial:

@@ -1,8 +1,8 @@
 """Trajectory optimization: CMA-ES adapts hand-written keyframes to the physics.
 
-A search log keeps the costs of every generation. CMA-ES and the disturbances follow from the seed,
-so feeding the costs to a new search brings it to the same state: a search that was interrupted
-finds the same as one that was not, bit for bit.
+The ledger of a search keeps the costs of every generation. CMA-ES and the disturbances follow from
+the seed, so feeding the costs to a new search brings it to the same state: a search that was
+interrupted finds the same as one that was not, bit for bit.
 """
 
 from __future__ import annotations
@@ -10,11 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from msgspec import Meta
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances import USUAL, Disturbance, Normal, Scenarios
@@ -25,11 +22,10 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.trial import SEARCH_HOLD, SWAY_TIME, KeyframePopulation, score
-from humanoid_getup.progress.ledger import STARTS_OVER, Ledger
+from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
 from robots import TorqueLimit
 from robots.quaternion import Array
-from robots.storage.validation import on_axes, read_table
 
 POPULATION = 14
 """Candidates of a generation."""
@@ -39,57 +35,10 @@ POPULATION = 14
 class Generation:
     """Result of one generation."""
 
-    cost: Annotated[Array, on_axes(1)]
+    cost: Array
     """Mean cost of each candidate, (population,)."""
-    stood: Annotated[float, Meta(ge=0.0, le=1.0, description="a share from 0 to 1")]
+    stood: float
     """Share of the rollouts that succeeded."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchTask:
-    """Inputs of a search."""
-
-    robot: str
-    keyframes: str
-    """SHA-256 of the initial keyframes, as written."""
-    seed: int
-    prefer: str
-    """A preference, or "keyframes"."""
-
-
-class SearchLog:
-    """The generations of a search, stored in a ledger."""
-
-    def __init__(self, ledger: Ledger) -> None:
-        self._ledger = ledger
-        problems: list[str] = []
-        self.generations = [
-            read_table(Generation, row, f"generation {name}", problems)
-            for name, row in ledger.done.items()
-        ]
-        problems += [
-            f"generation {number} has {len(each.cost)} costs, expected {POPULATION}"
-            for number, each in enumerate(self.generations, start=1)
-            if len(each.cost) != POPULATION and not problems
-        ]
-        if problems:
-            raise ValueError(f"{ledger.path}: {'; '.join(problems)} ({STARTS_OVER})")
-
-    @classmethod
-    def begin(cls, path: Path, task: SearchTask) -> SearchLog:
-        """Begin the log of a task; the file appears with the first generation."""
-        return cls(Ledger(path, task))
-
-    @classmethod
-    def resume(cls, path: Path, task: SearchTask) -> SearchLog:
-        """Load the log of a task; begin one if there is no file."""
-        return cls(Ledger.resume(path, task))
-
-    def add(self, cost: Array, stood: float) -> None:
-        """Add a generation and write the file."""
-        generation = Generation(cost=cost, stood=stood)
-        self.generations.append(generation)
-        self._ledger.add(str(len(self.generations)), generation)
 
 
 UNDISTURBED = 2  # at its own torque limit and at full torque
@@ -146,7 +95,7 @@ class TrajectoryOptimizer:
         generations: int,
         seed: int,
         report: Callable[[int, float, float], None] = lambda *_: None,
-        log: SearchLog | None = None,
+        log: Ledger | None = None,
     ) -> tuple[Keyframes, float]:
         """Search key postures and times; return the best and its disturbed success share.
 
@@ -229,19 +178,21 @@ class TrajectoryOptimizer:
         candidates: list[Keyframes],
         generation: int,
         rng: np.random.Generator,
-        log: SearchLog | None,
+        log: Ledger | None,
     ) -> Generation:
         """Return the costs of a generation, from the log or else by rollouts."""
         scenarios = self._make_scenarios(candidates[0], SCENARIOS, rng)
-        if log is not None and generation < len(log.generations):
-            return log.generations[generation]
+        name = str(generation + 1)
+        if log is not None and name in log.done:
+            kept = log.done[name]
+            return Generation(cost=np.array(kept["cost"], dtype=float), stood=kept["stood"])
         cost, stood = self._roll_out(
             self._coarse, candidates, scenarios, SEARCH_HOLD, self.preference
         )
-        if log is None:
-            return Generation(cost=cost, stood=float(stood.mean()))
-        log.add(cost, float(stood.mean()))
-        return log.generations[-1]
+        found = Generation(cost=cost, stood=float(stood.mean()))
+        if log is not None:
+            log.add(name, found)
+        return found
 
     def judge(
         self, keyframes: Keyframes, seed: int, *, least: float = 0.0
@@ -303,13 +254,6 @@ def _choose_hard(failed: np.ndarray, rng: np.random.Generator) -> NDArray[np.int
     """Choose the first world, some of those in which keyframes failed, and a few others."""
     wrong, right = np.flatnonzero(failed[1:]) + 1, np.flatnonzero(~failed[1:]) + 1
     return np.concatenate([[0], rng.permutation(wrong)[:HARD], rng.permutation(right)[:EASY]])
-
-
-def count_work(generations: int, done: int = 0) -> float:
-    """Count the work of a search in generations, without those done; judging finalists counts."""
-    judged = (min(generations, FINALISTS) + 2) * FINAL_SCENARIOS
-    finer = 2.0  # half the search's physics step
-    return max(generations - done, 0) + finer * judged / (POPULATION * SCENARIOS)
 
 
 def make_scenarios(

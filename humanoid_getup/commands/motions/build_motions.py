@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import shlex
-import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -23,7 +21,6 @@ from humanoid_getup.commands.inputs import find_keyframes, load_robot
 from humanoid_getup.commands.options import Count, EngineOptions, Prefer, RobotOption, write_command
 from humanoid_getup.commands.output_files import find_folder_problems
 from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
-from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.engines.versions import checked
 from humanoid_getup.experiments.falls import CLASSES
@@ -46,8 +43,8 @@ from humanoid_getup.motions.keyframes_writer import (
 )
 from humanoid_getup.motions.motion import STANDING
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.motions.optimization import SearchLog, count_work
-from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor, Report
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
+from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.progress.worker import report
 from humanoid_getup.reporting.film_strip import NoRendererError, draw_motion
 from robots import Robot
@@ -132,7 +129,7 @@ def build_all(
     robot: Robot, chosen: Sequence[Keyframes], request: BuildRequest, monitor: ProgressMonitor
 ) -> BuiltMotions:
     """Build motions on the engine of a request, and store each when it is ready."""
-    done = _count_done(robot, chosen, request, monitor)
+    _check_logs(robot, chosen, request, monitor)
     failures: dict[str, str] = {}
 
     def end(name: str, build: Build | str) -> None:
@@ -154,16 +151,11 @@ def build_all(
             sharing(robot, request) as folder,
         ):
             pieces = {each.name: BuildPiece(keyframes=each, folder=folder) for each in chosen}
-            workers = Engine.parse(request.engine).choose_workers(len(chosen), worth=1)
-            rounds = math.ceil(len(chosen) / workers)
-            work = rounds * count_work(request.generations, min(done.values()))
-            show = _estimating(monitor, work, done)
-            for name in done:
+            for name in pieces:
                 monitor.show(Progress(phase=name, total=request.generations))
             # Builds write into the folder of their robot: it is no version.
             build = checked(partial(build_piece, shared), executor)
-            reporting = ProgressMonitor(show, monitor.cancel)
-            do_pieces(build, pieces, executor, ended=end, monitor=reporting)
+            do_pieces(build, pieces, executor, ended=end, monitor=monitor)
     finally:
         with contextlib.suppress(OSError):  # it is not empty, or not there
             (robot.folder / UNFINISHED).rmdir()
@@ -174,11 +166,11 @@ def build_all(
     )
 
 
-def open_log(robot: Robot, keyframes: Keyframes, request: BuildRequest) -> SearchLog:
+def open_log(robot: Robot, keyframes: Keyframes, request: BuildRequest) -> Ledger:
     """Open the log of a search: the existing one to resume, else a new one."""
     path = unfinished_file(robot.folder, keyframes.name, LOG)
     task = make_task(robot, keyframes, request.seed, request.prefer)
-    return SearchLog.resume(path, task) if request.resume else SearchLog.begin(path, task)
+    return Ledger.resume(path, task) if request.resume else Ledger(path, task)
 
 
 def keep(build: Build, robot: Robot, *, keep_keys: bool) -> str:
@@ -208,33 +200,15 @@ def _keep_best(build: Build, robot: Robot) -> Path:
     return files[STRIP]
 
 
-def _count_done(
+def _check_logs(
     robot: Robot, keyframes: Sequence[Keyframes], request: BuildRequest, monitor: ProgressMonitor
-) -> dict[str, int]:
-    """Count and report the generations in the logs, which are checked before any work."""
-    done = {each.name: len(open_log(robot, each, request).generations) for each in keyframes}
-    for name, count in done.items() if request.resume else ():
+) -> None:
+    """Check the logs before any work, and report the generations in them."""
+    for each in keyframes:
+        count = len(open_log(robot, each, request).done)
         begins = f"continues after generation {count}" if count else "begins: there is no log of it"
-        monitor.tell(f"{name} {begins}")
-    return done
-
-
-def _estimating(monitor: ProgressMonitor, work: float, done: Mapping[str, int]) -> Report:
-    """Make what shows reports of workers, and, after a generation or two, how long all will take.
-
-    All builds, one after the other, are ``work`` generations; some were ``done`` before.
-    """
-    estimate, last = "", dict[str, float]()
-
-    def show(progress: Progress) -> None:
-        nonlocal estimate
-        now, name = time.monotonic(), progress.phase
-        if not estimate and name in last and progress.done > done[name]:
-            estimate = f"; all take about {math.ceil((now - last[name]) * work / 60.0)} min"
-        last[name] = now
-        monitor.show(replace(progress, note=f"{progress.note}{estimate}"))
-
-    return show
+        if request.resume:
+            monitor.tell(f"{each.name} {begins}")
 
 
 def build_piece(request: BuildRequest, piece: BuildPiece) -> Build | str:

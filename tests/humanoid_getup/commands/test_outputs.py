@@ -153,7 +153,7 @@ def test_progress_that_goes_to_no_terminal_is_a_line_from_time_to_time(
 
 
 def test_a_progress_bar_is_one_line_of_the_terminal():
-    note = "cost 12.34, 100% stood; all take about 12 min"
+    note = "cost 12.34, 100% stood, of all its generations so far"
     for width in (60, 80, 200):
         console = Console(file=io.StringIO(), width=width, force_terminal=True, color_system=None)
         with make_bars(console) as bars:

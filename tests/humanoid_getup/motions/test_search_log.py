@@ -10,7 +10,8 @@ from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions import optimization
 from humanoid_getup.motions.build import make_task, settle
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.optimization import POPULATION, SearchLog, TrajectoryOptimizer
+from humanoid_getup.motions.optimization import POPULATION, TrajectoryOptimizer
+from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
 from robots import Robot
 
@@ -51,7 +52,7 @@ class Interrupted(Exception):
     """Stands for a key or a kill signal."""
 
 
-def search(world: World, keyframes: Keyframes, log: SearchLog | None, stop: int = GENERATIONS):
+def search(world: World, keyframes: Keyframes, log: Ledger | None, stop: int = GENERATIONS):
     """Run a search that is interrupted after so many generations; return what it reported too."""
     reports = []
 
@@ -71,9 +72,9 @@ def test_an_interrupted_search_finds_what_another_one_finds(
     whole, share, reports = search(world, keyframes, None)
     path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
     with pytest.raises(Interrupted):
-        search(world, keyframes, SearchLog.begin(path, task), 2)
-    log = SearchLog.resume(path, task)
-    assert len(log.generations) == 2
+        search(world, keyframes, Ledger(path, task), 2)
+    log = Ledger.resume(path, task)
+    assert len(log.done) == 2
     played, play = [], Experiment.play
 
     def count(*args: object, **options: object) -> object:
@@ -86,13 +87,13 @@ def test_an_interrupted_search_finds_what_another_one_finds(
     np.testing.assert_array_equal(resumed.keys, whole.keys)
     np.testing.assert_array_equal(resumed.duration, whole.duration)
     assert (same_share, same_reports) == (share, reports)
-    generations = SearchLog.resume(path, task).generations
-    assert [len(each.cost) for each in generations] == [POPULATION] * GENERATIONS
+    generations = Ledger.resume(path, task).done.values()
+    assert [len(each["cost"]) for each in generations] == [POPULATION] * GENERATIONS
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"recipe": {}, "done": {"1": {"cost": "x"}}}'])
 def test_a_damaged_log_is_refused_in_one_line(text: str, keyframes, tiny, tmp_path: Path):
     (tmp_path / "bow.json").write_text(text)
     with pytest.raises(ValueError, match=r"bow\.json: ") as refusal:
-        SearchLog.resume(tmp_path / "bow.json", make_task(tiny, keyframes, 7, None))
+        Ledger.resume(tmp_path / "bow.json", make_task(tiny, keyframes, 7, None))
     assert "\n" not in str(refusal.value)

@@ -213,7 +213,7 @@ class RobotThread:
         if choice.place is not None:
             rng, origin = np.random.default_rng(self._request.seed), self._config.start
             start = (
-                find_start(self._world, origin, rng).posture
+                find_start(self._world, origin, rng, logger.warning).posture
                 if origin
                 else find_rest(self._world, self._world.robot.standing)
             )

@@ -11,8 +11,7 @@ import pytest
 from lerobot.robots import make_robot_from_config
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 from lerobot_robot_getup import GetupRobot, GetupRobotConfig, SwingTeleop, SwingTeleopConfig
-from lerobot_robot_getup.pilot import Pilot
-from lerobot_robot_getup.robot_thread import RobotStoppedError
+from lerobot_robot_getup.robot_thread import RobotStoppedError, RobotThread
 from waiting import wait_until
 
 from drivers import DriverError, Twin
@@ -209,7 +208,7 @@ def test_a_fault_or_error_is_raised_by_the_next_call_and_torque_stays_off(connec
     robot.disconnect()
     robot.connect()
     robot.send_action({PAN: 0.0})
-    monkeypatch.setattr(Pilot, "leans", lambda *_: 1 / 0)
+    monkeypatch.setattr(RobotThread, "leans", lambda *_: 1 / 0)
     with pytest.raises(RobotStoppedError, match="division by zero"):
         wait_until(lambda: not robot.get_observation())
     assert not twin_of(robot).simulation.has_torque

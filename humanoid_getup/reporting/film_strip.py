@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -192,19 +191,13 @@ def draw_motion(
     save_strip(pictures, times, path, title=title)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PostureRow:
-    """A row of postures, one after the other."""
-
-    name: str
-    qpos: Array
-    """MuJoCo positions on flat ground, (K, nq)."""
-
-
 def draw_motions(
-    robot: Robot, motions: Sequence[Motion], path: Path, rows: Sequence[PostureRow] = ()
+    robot: Robot, motions: Sequence[Motion], path: Path, rows: Sequence[tuple[str, Array]] = ()
 ) -> None:
-    """Draw motions into one PNG file, a row each, and rows of postures below them."""
+    """Draw motions into one PNG file, a row each, and rows of postures below them.
+
+    A row of postures is its name and MuJoCo positions on flat ground, (K, nq).
+    """
     pictures, captions = list[np.ndarray](), list[str]()
 
     def add(frames: np.ndarray, shown: list[str]) -> None:
@@ -216,10 +209,9 @@ def draw_motions(
     for motion in motions:
         frames, times = _render(world, motion, COLUMNS)
         add(frames, [motion.name, *(f"{time:.1f} s" for time in times[1:])])
-    for row in rows:
-        chosen = pick_frames(len(row.qpos), COLUMNS)
-        frames = render_frames(robot, world.model, row.qpos[chosen])
-        add(frames, [row.name, *(f"{k}" for k in chosen[1:])])
+    for name, qpos in rows:
+        chosen = pick_frames(len(qpos), COLUMNS)
+        add(render_frames(robot, world.model, qpos[chosen]), [name, *(f"{k}" for k in chosen[1:])])
     path.parent.mkdir(parents=True, exist_ok=True)
     save_sheet(np.concatenate(pictures), captions, path, title=f"{robot.name}: motions")
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-import msgspec
 import numpy as np
 
 from drivers import State, Twin
@@ -35,32 +35,6 @@ class Divergence:
     def part(self) -> str:
         """Return the name of the part that differed."""
         return f"joint '{self.joint}'" if self.joint else "torso's tilt"
-
-
-class JointDifference(msgspec.Struct, frozen=True, kw_only=True):
-    """Difference of a joint between a log and its replay."""
-
-    rms_rad: float
-    max_rad: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReplayFigures:
-    """The figures of a replay, under replay.json's keys; None where nothing diverged."""
-
-    robot: str
-    cycles: int
-    duration_s: float
-    exact: bool
-    rms_rad: float
-    max_rad: float
-    max_joint: str
-    tilt_rms_rad: float
-    tilt_max_rad: float
-    threshold_rad: float
-    divergence_s: float | None
-    divergence_part: str | None
-    joints: dict[str, JointDifference]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,11 +70,6 @@ class ReplayReport:
         return np.argsort(-self.maximum, kind="stable")
 
     @property
-    def worst(self) -> str:
-        """Return the joint of the largest difference."""
-        return self.joint_names[int(self.ranking[0])]
-
-    @property
     def is_exact(self) -> bool:
         """Return whether the replay reproduced every angle and the tilt to the last bit."""
         return not np.any(self.difference) and not np.any(self.tilt_difference)
@@ -129,25 +98,25 @@ class ReplayReport:
             return f"no joint and no tilt differed by more than {self.threshold:g} rad"
         return f"{first.part} differed by {first.difference:+.3f} rad after {first.time:.2f} s"
 
-    def figures(self) -> ReplayFigures:
-        """Return the figures of the replay."""
+    def describe(self) -> dict[str, Any]:
+        """Describe the replay for JSON, with None where nothing diverged."""
         first, largest = self.divergence, self.maximum
         rows = zip(self.joint_names, self.rms.tolist(), largest.tolist(), strict=True)
-        return ReplayFigures(
-            robot=self.robot,
-            cycles=len(self.time),
-            duration_s=float(self.time[-1]),
-            exact=self.is_exact,
-            rms_rad=float(_rms(self.difference.ravel())),
-            max_rad=float(largest.max()),
-            max_joint=self.worst,
-            tilt_rms_rad=float(_rms(self.tilt_difference)),
-            tilt_max_rad=float(np.nan_to_num(self.tilt_difference).max()),
-            threshold_rad=self.threshold,
-            divergence_s=first and first.time,
-            divergence_part=first and first.part,
-            joints={name: JointDifference(rms_rad=rms, max_rad=most) for name, rms, most in rows},
-        )
+        return {
+            "robot": self.robot,
+            "cycles": len(self.time),
+            "duration_s": float(self.time[-1]),
+            "exact": self.is_exact,
+            "rms_rad": float(_rms(self.difference.ravel())),
+            "max_rad": float(largest.max()),
+            "max_joint": self.joint_names[int(self.ranking[0])],
+            "tilt_rms_rad": float(_rms(self.tilt_difference)),
+            "tilt_max_rad": float(np.nan_to_num(self.tilt_difference).max()),
+            "threshold_rad": self.threshold,
+            "divergence_s": first and first.time,
+            "divergence_part": first and first.part,
+            "joints": {name: {"rms_rad": rms, "max_rad": most} for name, rms, most in rows},
+        }
 
 
 def replay(

@@ -94,7 +94,7 @@ class ReplayedFlight:
     def describe(self) -> dict[str, Any]:
         """Describe the replay for JSON."""
         record = self.record
-        return vars(self.report.figures()) | {
+        return self.report.describe() | {
             "log": record.path,
             "started": record.started,
             "about": dict(record.about),
@@ -139,10 +139,10 @@ def replay_flight(
 
 @replay_flight.show
 def _print(flight: ReplayedFlight, _: ReplayRequest, console: Console) -> None:
-    record, report, figures = flight.record, flight.report, flight.report.figures()
+    record, report, figures = flight.record, flight.report, flight.report.describe()
     rows = (
-        ("joints", figures.rms_rad, figures.max_rad),
-        ("tilt", figures.tilt_rms_rad, figures.tilt_max_rad),
+        ("joints", figures["rms_rad"], figures["max_rad"]),
+        ("tilt", figures["tilt_rms_rad"], figures["tilt_max_rad"]),
     )
     console.print(f"[bold {'red' if report.divergence else 'green'}]{report.headline}")
     table = Table.grid(padding=(0, 2))

@@ -31,7 +31,7 @@ from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import name_robot
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.film_strip import NoRendererError, PostureRow, draw_motions
+from humanoid_getup.reporting.film_strip import NoRendererError, draw_motions
 from robots import Robot
 from robots.storage.validation import at_least, between
 
@@ -169,7 +169,7 @@ def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMot
 def _draw(found: DiscoveredMotions, request: DiscoverRequest) -> DiscoveredMotions:
     """Draw what was found, if there is a GL to draw with."""
     picture = _find_picture(found.robot, request)
-    rows = [PostureRow(name=f"{each.side}, not kept", qpos=each.qpos) for each in found.nearest]
+    rows = [(f"{each.side}, not kept", each.qpos) for each in found.nearest]
     if not found.motions and not rows:
         return found
     try:

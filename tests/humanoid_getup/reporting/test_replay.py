@@ -65,9 +65,9 @@ def test_differences_are_worked_out_by_joint(tiny):
     np.testing.assert_allclose(report.rms, [0.2 / np.sqrt(3.0), 0.25])
     np.testing.assert_allclose(report.maximum, [0.2, 0.4])
     assert (report.divergence.time, report.divergence.difference) == (0.1, 0.3)
-    figures = report.figures()
-    assert (figures.max_joint, figures.tilt_rms_rad) == (tiny.joint_names[1], 0.1)
-    assert figures.divergence_part == "joint 'r_hip'"
+    figures = report.describe()
+    assert (figures["max_joint"], figures["tilt_rms_rad"]) == (tiny.joint_names[1], 0.1)
+    assert figures["divergence_part"] == "joint 'r_hip'"
     json.dumps(to_plain(figures), allow_nan=False)
 
 

@@ -123,7 +123,7 @@ def _measure_scrubbing(browser: Browser, scrubs: int) -> dict[str, Any]:
     with _open(browser) as (studio, _):
         take = make_rise_take(studio.page.world, finished.rise, "rise")
         assert take is not None
-        timeline = studio.timeline
+        timeline = studio.page.timeline
         timeline.load(take, play=False)
         rng, before = np.random.default_rng(0), 0
         took = list[float]()

@@ -6,23 +6,20 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Generic, TypeVar
+from typing import TypeVar
 
-from humanoid_getup.progress.callback import Cancel, CancelledError, Progress, Report
+from humanoid_getup.progress.callback import CancelledError, Progress, Report
 
 SPAWN = get_context("spawn")
 GRACE = 1.0  # s in which canceled work may end by itself, before it is interrupted
 RELEASE = 10.0  # s in which interrupted work may release a robot, before its process ends
 
 Result = TypeVar("Result")
-Request = TypeVar("Request")
 
 _cancelled = threading.Event()
 _idle = threading.Event()
@@ -137,121 +134,7 @@ def _do(work: Callable[[], Result]) -> Result:
         _idle.set()
 
 
-@dataclass(frozen=True, kw_only=True)
-class JobEnd(Generic[Result]):
-    """How a job ended."""
-
-    result: Result | None = None
-    """None if it failed or was cancelled."""
-    problem: str = ""
-    """Message of the error, if it failed."""
-    cancelled: bool = False
-
-    @classmethod
-    def of(cls, work: Callable[[], Result]) -> JobEnd[Result]:
-        """Do work, and return how it ended."""
-        try:
-            return JobEnd(result=work())
-        except BrokenProcessPool:
-            return JobEnd(problem="the job's process ended")
-        except (CancelledError, KeyboardInterrupt):
-            return JobEnd(cancelled=True)
-        except Exception as error:
-            return JobEnd(problem=str(error) or type(error).__name__)
-
-
-class BackgroundJob(Generic[Result]):
-    """Runs a job's function in a fresh process, which ends with this one at the latest."""
-
-    def __init__(
-        self,
-        work: Callable[..., Result],
-        request: object,
-        *,
-        report: Report = lambda _: None,
-        ended: Callable[[JobEnd[Result]], None] = lambda _: None,
-    ) -> None:
-        """Start; ``report`` and ``ended`` are called in threads of this job.
-
-        Args:
-            work: Function of a module that takes a request, ``report`` and ``cancel``, as commands
-                do.
-            request: Its request, which is pickled, as its result is.
-            report: Called with each progress.
-            ended: Called once, at the end.
-        """
-        self._worker, self._ended = Worker(report), ended
-        self._future = self._worker.submit(partial(_run, work, request))
-        self._end, self._is_cancelled = JobEnd[Result](), False
-        self._thread = threading.Thread(target=self._follow, name="job", daemon=True)
-        self._thread.start()
-
-    @property
-    def is_running(self) -> bool:
-        """Return whether it has not ended."""
-        return self._thread.is_alive()
-
-    def cancel(self) -> None:
-        """End it; a job that does not end by itself within a second is interrupted."""
-        self._is_cancelled = True
-        self._worker.cancel(GRACE)
-
-    def wait(self, timeout: float | None = None) -> JobEnd[Result] | None:
-        """Wait up to a time [s] for its end; return how it ended, None if it has not."""
-        self._thread.join(timeout)
-        return None if self._thread.is_alive() else self._end
-
-    def _follow(self) -> None:
-        self._end = JobEnd.of(self._future.result)
-        self._worker.end()
-        if self._is_cancelled:
-            self._end = JobEnd(cancelled=True)
-        self._ended(self._end)
-
-
-def _run(work: Callable[..., Result], request: object) -> Result:
+def run_here(work: Callable[..., Result], request: object) -> Result:
+    """Do work on a request in this process of a `Worker`, as commands are called."""
     # Not `report`: within the pieces of a job it leads to the job itself.
     return work(request, _receive, _cancelled.is_set)
-
-
-class LatestJob(Generic[Request, Result]):
-    """Does one request at a time, in a thread; of those that wait, the newest replaces the others.
-
-    Args:
-        work: Does a request, and raises `CancelledError` once its second argument says so.
-        ended: Called in the thread with each end but those of cancelled requests.
-    """
-
-    def __init__(
-        self, work: Callable[[Request, Cancel], Result], ended: Callable[[JobEnd[Result]], None]
-    ) -> None:
-        """Prepare; nothing runs yet."""
-        self._work, self._ended = work, ended
-        self._pool, self._lock = ThreadPoolExecutor(1, "latest job"), threading.RLock()
-        self._futures = list[Future[None]]()
-        self._cancelled = threading.Event()
-
-    def ask(self, request: Request, *, at_once: bool = True) -> None:
-        """Request work, in place of what waits, and ``at_once`` in place of what runs, too."""
-        with self._lock:
-            self.cancel(running=at_once)
-            future = self._pool.submit(self._do, request, self._cancelled)
-            self._futures = [future, *(each for each in self._futures if not each.done())]
-
-    def cancel(self, *, running: bool = True) -> None:
-        """Drop what waits, and end what runs."""
-        with self._lock:
-            for future in self._futures:
-                future.cancel()
-            if running:
-                self._cancelled.set()
-                self._cancelled = threading.Event()
-
-    def wait(self, timeout: float | None = None) -> bool:
-        """Wait up to a time [s] until nothing is left to do; return whether that is so."""
-        return not wait(self._futures, timeout).not_done
-
-    def _do(self, request: Request, cancelled: threading.Event) -> None:
-        end = JobEnd.of(lambda: self._work(request, cancelled.is_set))
-        if not end.cancelled and not cancelled.is_set():
-            self._ended(end)

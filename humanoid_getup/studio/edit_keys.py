@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -47,120 +48,14 @@ MOST_UNDONE = 100
 """Number of states that are kept."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class KeyEditor:
-    """Changes the keys of a robot's motion, which are counted from 0.
+    """Changes the keys of one motion of a robot, which are counted from 0; changes can be undone.
 
     The stance at the end of a rise follows the keys, and is none of them.
     """
 
-    robot: Robot
-
-    def begin(
-        self, name: str, start_class: StartClass, end_class: EndClass, joint_pos: Array
-    ) -> Keyframes:
-        """Begin a motion with one key, (n,) [rad]; that of a rise is followed by the stance."""
-        if not NAME.fullmatch(name):
-            raise BadInputError(f"name {shown(name)}: {NAMED}")
-        stance, rises = self.robot.standing.joint_pos, end_class == STANDING
-        keys = np.array([joint_pos, stance] if rises else [joint_pos])
-        free, mirrored = choose_free(keys, self.robot)
-        return Keyframes(
-            name=name,
-            start_class=start_class,
-            end_class=end_class,
-            strategy=STRATEGY,
-            duration=np.array([find_travel_time(joint_pos, stance)] if rises else []),
-            keys=keys,
-            free=free,
-            mirrored=mirrored,
-            torque_limit=round(TORQUE_SHARE * float(self.robot.max_torque.max()), 3),
-            time_cost=COST,
-            torque_cost=COST,
-        )
-
-    def count(self, keyframes: Keyframes) -> int:
-        """Return the number of keys that can be changed."""
-        return len(keyframes.keys) - (keyframes.end_class == STANDING)
-
-    def insert(self, keyframes: Keyframes, after: int, joint_pos: Array) -> Keyframes:
-        """Insert a key (n,) [rad] after another one, as soon as it can be reached."""
-        keys, at = keyframes.keys, min(after + 1, self.count(keyframes))
-        travel = find_travel_time(keys[at - 1], joint_pos)
-        return self._change(
-            keyframes,
-            np.insert(keys, at, joint_pos, axis=0),
-            np.insert(keyframes.duration, at - 1, travel),
-        )
-
-    def put(self, keyframes: Keyframes, number: int, joint_pos: Array) -> Keyframes:
-        """Replace a key by another posture, (n,) [rad]."""
-        self._check_number(keyframes, number)
-        keys = keyframes.keys.copy()
-        keys[number] = joint_pos
-        return self._change(keyframes, keys, keyframes.duration)
-
-    def delete(self, keyframes: Keyframes, number: int) -> Keyframes:
-        """Delete a key; those after the first one keep their times."""
-        self._check_number(keyframes, number)
-        if self.count(keyframes) == 1:
-            raise BadInputError("the motion has one key, expected another one besides it")
-        duration = keyframes.duration
-        if 0 < number < len(duration):
-            duration = duration.copy()
-            duration[number] += duration[number - 1]
-        return self._change(
-            keyframes,
-            np.delete(keyframes.keys, number, axis=0),
-            np.delete(duration, max(number - 1, 0)),
-        )
-
-    def swap(self, keyframes: Keyframes, number: int, other: int) -> Keyframes:
-        """Exchange two keys; the times stay."""
-        self._check_number(keyframes, number)
-        if not 0 <= other < self.count(keyframes):
-            raise BadInputError(f"key {number + 1} is at an end, expected one to exchange it with")
-        keys = keyframes.keys.copy()
-        keys[[number, other]] = keys[[other, number]]
-        return self._change(keyframes, keys, keyframes.duration)
-
-    def time(self, keyframes: Keyframes, number: int, duration: float) -> Keyframes:
-        """Set the time from the key before to a key, or to the stance [s]."""
-        if not LEAST_DURATION <= duration <= MAX_DURATION:
-            found = outside(duration, LEAST_DURATION, MAX_DURATION, "s")
-            raise BadInputError(f"the duration is {found}")
-        if number < 1:
-            raise BadInputError("the first key begins the motion: it has no duration")
-        changed = keyframes.duration.copy()
-        changed[number - 1] = duration
-        return replace(keyframes, duration=changed)
-
-    def mirror(self, keyframes: Keyframes) -> Keyframes:
-        """Exchange left and right of all keys, of the start and of the end."""
-        plain = keyframes.name.removesuffix(MIRRORED_SUFFIX)
-        mirrored = replace(
-            keyframes,
-            name=plain if plain != keyframes.name else keyframes.name + MIRRORED_SUFFIX,
-            start_class=MIRRORED_CLASS.get(keyframes.start_class, keyframes.start_class),
-            end_class=MIRRORED_CLASS.get(keyframes.end_class, keyframes.end_class),
-        )
-        keys = self.robot.mirror_joints(keyframes.keys)
-        return self._change(mirrored, keys, keyframes.duration)
-
-    def _change(self, keyframes: Keyframes, keys: Array, duration: Array) -> Keyframes:
-        free, mirrored = choose_free(keys, self.robot)
-        return replace(keyframes, keys=keys, duration=duration, free=free, mirrored=mirrored)
-
-    def _check_number(self, keyframes: Keyframes, number: int) -> None:
-        if number >= self.count(keyframes):
-            raise BadInputError("the stance ends every rise, expected another key")
-
-
-class KeyDraft:
-    """One motion at a time; every change can be undone."""
-
-    def __init__(self) -> None:
-        self._states: list[Keyframes] = []
+    def __init__(self, robot: Robot) -> None:
+        self._robot, self._states = robot, list[Keyframes]()
         self.when_changed: list[Callable[[Keyframes], None]] = []
         """Called after every change."""
 
@@ -171,7 +66,12 @@ class KeyDraft:
             raise ValueError("no motion yet, expected one that was opened, or New")
         return self._states[-1]
 
-    def put(self, keyframes: Keyframes) -> None:
+    @property
+    def count(self) -> int:
+        """Return the number of keys that can be changed."""
+        return len(self.keyframes.keys) - (self.keyframes.end_class == STANDING)
+
+    def open(self, keyframes: Keyframes) -> None:
         """Replace the motion by another state of it, or by another motion."""
         self._states = [*self._states, keyframes][-MOST_UNDONE:]
         self._tell()
@@ -182,6 +82,100 @@ class KeyDraft:
             raise ValueError("nothing to undo")
         self._states.pop()
         self._tell()
+
+    def begin(
+        self, name: str, start_class: StartClass, end_class: EndClass, joint_pos: Array
+    ) -> None:
+        """Begin a motion with one key, (n,) [rad]; that of a rise is followed by the stance."""
+        if not NAME.fullmatch(name):
+            raise BadInputError(f"name {shown(name)}: {NAMED}")
+        stance, rises = self._robot.standing.joint_pos, end_class == STANDING
+        keys = np.array([joint_pos, stance] if rises else [joint_pos])
+        free, mirrored = choose_free(keys, self._robot)
+        self.open(
+            Keyframes(
+                name=name,
+                start_class=start_class,
+                end_class=end_class,
+                strategy=STRATEGY,
+                duration=np.array([find_travel_time(joint_pos, stance)] if rises else []),
+                keys=keys,
+                free=free,
+                mirrored=mirrored,
+                torque_limit=round(TORQUE_SHARE * float(self._robot.max_torque.max()), 3),
+                time_cost=COST,
+                torque_cost=COST,
+            )
+        )
+
+    def insert(self, after: int, joint_pos: Array) -> None:
+        """Insert a key (n,) [rad] after another one, as soon as it can be reached."""
+        keys, duration, at = *self._parts, min(after + 1, self.count)
+        travel = find_travel_time(keys[at - 1], joint_pos)
+        self._change(np.insert(keys, at, joint_pos, axis=0), np.insert(duration, at - 1, travel))
+
+    def put(self, number: int, joint_pos: Array) -> None:
+        """Replace a key by another posture, (n,) [rad]."""
+        self._check_number(number)
+        keys, duration = self._parts
+        keys[number] = joint_pos
+        self._change(keys, duration)
+
+    def delete(self, number: int) -> None:
+        """Delete a key; those after the first one keep their times."""
+        self._check_number(number)
+        if self.count == 1:
+            raise BadInputError("the motion has one key, expected another one besides it")
+        keys, duration = self._parts
+        if 0 < number < len(duration):
+            duration[number] += duration[number - 1]
+        self._change(np.delete(keys, number, axis=0), np.delete(duration, max(number - 1, 0)))
+
+    def swap(self, number: int, other: int) -> None:
+        """Exchange two keys; the times stay."""
+        self._check_number(number)
+        if not 0 <= other < self.count:
+            raise BadInputError(f"key {number + 1} is at an end, expected one to exchange it with")
+        keys, duration = self._parts
+        keys[[number, other]] = keys[[other, number]]
+        self._change(keys, duration)
+
+    def time(self, number: int, duration: float) -> None:
+        """Set the time from the key before to a key, or to the stance [s]."""
+        if not LEAST_DURATION <= duration <= MAX_DURATION:
+            found = outside(duration, LEAST_DURATION, MAX_DURATION, "s")
+            raise BadInputError(f"the duration is {found}")
+        if number < 1:
+            raise BadInputError("the first key begins the motion: it has no duration")
+        changed = self.keyframes.duration.copy()
+        changed[number - 1] = duration
+        self.open(replace(self.keyframes, duration=changed))
+
+    def mirror(self) -> None:
+        """Exchange left and right of all keys, of the start and of the end."""
+        motion = self.keyframes
+        plain = motion.name.removesuffix(MIRRORED_SUFFIX)
+        self._change(
+            self._robot.mirror_joints(motion.keys),
+            motion.duration,
+            name=plain if plain != motion.name else motion.name + MIRRORED_SUFFIX,
+            start_class=MIRRORED_CLASS.get(motion.start_class, motion.start_class),
+            end_class=MIRRORED_CLASS.get(motion.end_class, motion.end_class),
+        )
+
+    @property
+    def _parts(self) -> tuple[Array, Array]:
+        """Return copies of keys and durations."""
+        return self.keyframes.keys.copy(), self.keyframes.duration.copy()
+
+    def _change(self, keys: Array, duration: Array, **others: Any) -> None:
+        free, mirrored = choose_free(keys, self._robot)
+        parts = {"keys": keys, "duration": duration, "free": free, "mirrored": mirrored}
+        self.open(replace(self.keyframes, **parts, **others))
+
+    def _check_number(self, number: int) -> None:
+        if number >= self.count:
+            raise BadInputError("the stance ends every rise, expected another key")
 
     def _tell(self) -> None:
         for update in self.when_changed:
@@ -209,23 +203,14 @@ def store_keyframes(path: Path, keyframes: Keyframes, robot: Robot) -> None:
             append_keyframes(path, [keyframes], robot)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class KeysToPlay:
-    """Keys of a robot."""
-
-    robot: Robot
-    keyframes: Keyframes
-
-
 def play_keys(
-    request: KeysToPlay, report: Report | None = None, cancel: Cancel | None = None
+    robot: Robot, keyframes: Keyframes, report: Report | None = None, cancel: Cancel | None = None
 ) -> Trial:
     """Let a robot settle in the first key, and play the keys once."""
-    keyframes = request.keyframes
     if len(keyframes.keys) < 2:
         raise BadInputError(f"motion '{keyframes.name}' has one key, expected two or more")
     monitor = ProgressMonitor(report, cancel)
     monitor.begin("playing the keys")
-    trial = try_out(World(request.robot, FLAT_SCENE), keyframes)
+    trial = try_out(World(robot, FLAT_SCENE), keyframes)
     monitor.check()
     return trial

@@ -85,11 +85,42 @@ class StyledTwin:
 
     def roll_out(self, request: RolloutRequest, cancel: Cancel | None = None) -> StyledRollout:
         """Let the robot rise, and follow a style, until it is known to stand or gives up."""
-        monitor, policy = ProgressMonitor(cancel=cancel), self._load(request.policy)
+        monitor = ProgressMonitor(cancel=cancel)
+        policy = self._load(request.policy).following(request.style)
         twin = self._settle(request.start).copy()
         monitor.check()
-        run = _Run(twin, self.world, policy.following(request.style), monitor)
-        return run.roll_out(request)
+        supervisor, begin = supervise_policy(policy), twin.truth.qpos
+        seen = list[tuple[Array, Array]]()
+
+        def observe(cycle: Cycle) -> None:
+            monitor.check()
+            assert cycle.guidance is not None  # it follows a style
+            seen.append((cycle.guidance.wanted, cycle.guidance.measured))
+
+        report, outcome = play_in_simulation(
+            supervisor,
+            _guard(twin),
+            twin.simulation,
+            self.world.scene,
+            on_cycle=observe,
+            stop_early=True,
+        )
+        # A policy that fails ends with a limp command, of which there is no sample.
+        features = np.array(seen[: len(outcome.qpos)])  # (T, 2, 3)
+        if not len(features):
+            raise BadInputError(f"the policy does not move the robot: {supervisor.aborted}")
+        assert policy.followed is not None
+        return StyledRollout(
+            request=request,
+            outcome=outcome,
+            begin=begin,
+            time=twin.period * np.arange(1.0, len(features) + 1.0, dtype=float),
+            wanted=features[:, 0],
+            measured=features[:, 1],
+            curves=request.style.choose(features[0, 1]),
+            followed=policy.followed,
+            reason=str(supervisor.aborted) if supervisor.aborted else report.reason,
+        )
 
     def _load(self, name: str) -> OnnxPolicy:
         if name not in self._policies:
@@ -113,52 +144,6 @@ class StyledTwin:
                 raise BadInputError(f"start posture: {error}") from error
             self._settled = start, twin
         return self._settled[1]
-
-
-class _Run:
-    """One rollout, and what is observed of it."""
-
-    def __init__(
-        self, twin: Twin, world: World, policy: OnnxPolicy, monitor: ProgressMonitor
-    ) -> None:
-        self._twin, self._world, self._policy, self._monitor = twin, world, policy, monitor
-        self._features: list[tuple[Array, Array]] = []
-
-    def roll_out(self, request: RolloutRequest) -> StyledRollout:
-        """Run the policy until the robot stands steadily, or to its end."""
-        supervisor, begin = supervise_policy(self._policy), self._twin.truth.qpos
-        report, outcome = play_in_simulation(
-            supervisor,
-            _guard(self._twin),
-            self._twin.simulation,
-            self._world.scene,
-            on_cycle=self._observe,
-            stop_early=True,
-        )
-        # A policy that fails ends with a limp command, of which there is no sample.
-        features = np.array(self._features[: len(outcome.qpos)])  # (T, 2, 3)
-        if not len(features):
-            raise BadInputError(f"the policy does not move the robot: {supervisor.aborted}")
-        followed = self._policy.followed
-        assert followed is not None  # it follows a style
-        return StyledRollout(
-            request=request,
-            outcome=outcome,
-            begin=begin,
-            time=self._twin.period * np.arange(1.0, len(features) + 1.0, dtype=float),
-            wanted=features[:, 0],
-            measured=features[:, 1],
-            curves=request.style.choose(features[0, 1]),
-            followed=followed,
-            reason=str(supervisor.aborted) if supervisor.aborted else report.reason,
-        )
-
-    def _observe(self, cycle: Cycle) -> None:
-        """Note what was to be followed, and what was, in a cycle."""
-        self._monitor.check()
-        guidance = cycle.guidance
-        assert guidance is not None  # it follows a style
-        self._features.append((guidance.wanted, guidance.measured))
 
 
 def _guard(twin: Twin) -> SafetyGuard:

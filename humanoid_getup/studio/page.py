@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.progress.callback import Cancel, Progress
-from humanoid_getup.progress.worker import BackgroundJob, JobEnd, LatestJob
+from humanoid_getup.progress.callback import CancelledError, Progress
 from humanoid_getup.studio.folders import Folders
+from humanoid_getup.studio.jobs import Job
 from humanoid_getup.studio.plain_text import make_status
 from humanoid_getup.studio.pose_robot import stand
 from humanoid_getup.studio.timeline import Timeline
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from humanoid_getup.simulation.world import World
 PLAIN = (92, 104, 117)
 """Color of the buttons that are not the main one of a tab."""
+TIMEOUT = 12.0  # s for jobs to release a robot and to end
 Request = TypeVar("Request")
 Result = TypeVar("Result")
 
@@ -65,15 +67,14 @@ class Page:
         """Hides the board that a tab has put behind the robot."""
         self.when_files_changed: list[Callable[[], None]] = []
         """Called after files were saved that another tab may open."""
-        self.tab = ""
-        """Name of the tab that is being filled; its elements speak in its name later on."""
+        self.tabs: dict[str, Any] = {}
+        """Tabs by their names."""
         self._speaking = threading.local()
         self._lock = threading.RLock()
         self._is_closed = False
         self._status = server.gui.add_html(make_status("", "Ready."))
-        self.jobs: list[BackgroundJob[Any]] = []
-        """Those that were begun last, the last one first."""
-        self._latest: list[LatestJob[Any, Any]] = []
+        self.jobs: list[Job[Any, Any]] = []
+        """Background work of all tabs."""
 
     def pose(self, posture: Posture) -> None:
         """Make a posture the start, and show it."""
@@ -89,7 +90,7 @@ class Page:
         Without a name of a tab, it is the one whose callback says it.
         """
         if not self._is_closed:
-            self._status.content = make_status(self._find_tab(tab), text)
+            self._status.content = make_status(self.speaker if tab is None else tab, text)
 
     def refuse(self, problem: str, tab: str | None = None) -> None:
         """Show a problem on the page, and in its corner, unless it is closed."""
@@ -99,10 +100,19 @@ class Page:
         for client in self.server.get_clients().values():
             client.add_notification("Not done", problem, color="red", auto_close_seconds=8.0)
 
-    def _find_tab(self, tab: str | None = None) -> str:
-        """Return a tab, or else the one that is filled or whose callback runs in this thread."""
-        speaking = self.tab or getattr(self._speaking, "tab", "")
-        return speaking if tab is None else tab
+    @property
+    def speaker(self) -> str:
+        """Return the tab that is filled, or whose callback runs, in this thread."""
+        return getattr(self._speaking, "tab", "")
+
+    @contextmanager
+    def speaking(self, tab: str) -> Iterator[None]:
+        """Let what is said or added meanwhile in this thread be of a tab."""
+        before, self._speaking.tab = self.speaker, tab
+        try:
+            yield
+        finally:
+            self._speaking.tab = before
 
     def add_button(
         self, label: str, work: Callable[[], None], *, main: bool = False, disabled: bool = False
@@ -120,13 +130,12 @@ class Page:
 
         It speaks for a tab, by default the one that makes it.
         """
-        tab = self._find_tab(tab)
+        tab = self.speaker if tab is None else tab
 
         def run(_: object) -> None:
-            with self._lock:
+            with self._lock, self.speaking(tab):
                 if self._is_closed:
                     return
-                before, self._speaking.tab = self._find_tab(), tab
                 try:
                     with refusing():
                         work()
@@ -135,8 +144,6 @@ class Page:
                 except Exception as error:
                     self.refuse(f"{type(error).__name__}: {error}")
                     raise
-                finally:
-                    self._speaking.tab = before
 
         return run
 
@@ -145,59 +152,56 @@ class Page:
         answer = self.answer(work)
         element.on_update(lambda event: answer(event) if event.client_id is not None else None)
 
-    def run(
+    def add_job(
         self,
         work: Callable[..., Result],
-        request: object,
-        ended: Callable[[Result], None],
+        ended: Callable[[Request, Result], None],
         *,
         over: Callable[[], None] = lambda: None,
-    ) -> BackgroundJob[Result]:
-        """Run a job, a command or a function like one, in the background; answer its end.
+        apart: bool = True,
+        busy: str = "",
+    ) -> Job[Request, Result]:
+        """Prepare background work, whose progress, failure and cancellation are told on the page.
 
-        ``ended`` gets its result; a job that failed or was cancelled is told on the page. ``over``
-        is called at the end of any job.
+        Args:
+            work: A command or a function like one, done in a process of its own; or else quick work
+                in this process, a function of a request and a ``cancel``.
+            ended: Called with a request and its result, as a callback.
+            over: Called at the end of any work, as a callback.
+            apart: Whether it is done in a process of its own.
+            busy: Problem of a request while another one runs; empty if it replaces that.
         """
-        tab = self._find_tab()
-        job = BackgroundJob(
-            work,
-            request,
-            report=lambda progress: self._show_progress(progress, tab),
-            ended=self._conclude(ended, over),
-        )
-        self.jobs = [job, *(each for each in self.jobs if each.is_running)]
-        return job
+        tab = self.speaker
 
-    def run_latest(
-        self,
-        work: Callable[[Request, Cancel], Result],
-        ended: Callable[[Result], None],
-    ) -> LatestJob[Request, Result]:
-        """Prepare quick work in this process, of which only the newest request counts.
-
-        ``ended`` gets each result, as a callback; a failure is told on the page.
-        """
-        job = LatestJob(work, self._conclude(ended))
-        self._latest.append(job)
-        return job
-
-    def _conclude(
-        self, ended: Callable[[Result], None], over: Callable[[], None] = lambda: None
-    ) -> Callable[[JobEnd[Result]], None]:
-        """Make what answers the end of a job in the name of the tab that begins it."""
-        tab = self._find_tab()
-
-        def conclude(end: JobEnd[Result]) -> None:
+        def conclude(request: Request, end: Result | Exception) -> None:
             self.answer(over, tab)(None)
-            if end.cancelled:
+            if isinstance(end, CancelledError):
                 self.say("Cancelled.", tab)
-            elif end.result is None:
-                self.refuse(end.problem, tab)
+            elif isinstance(end, Exception):
+                self.refuse(str(end) or type(end).__name__, tab)
             else:
-                result = end.result
-                self.answer(lambda: ended(result), tab)(None)
+                self.answer(lambda: ended(request, end), tab)(None)
 
-        return conclude
+        def show(progress: Progress) -> None:
+            self.say(f"{progress}" if progress.message else f"{progress} …", tab)
+
+        self.jobs.append(job := Job(work, conclude, show if apart else None, busy=busy))
+        return job
+
+    def add_job_buttons(self, label: str, begin: Callable[[], None], job: Job[Any, Any]) -> None:
+        """Add buttons that begin and cancel work of which there is one at a time."""
+        start = self.add_button(label, begin, main=True)
+        cancel = self.add_button("Cancel", job.cancel, disabled=True)
+
+        def update(is_running: bool) -> None:
+            start.disabled, cancel.disabled = is_running, not is_running
+
+        job.when_changed.append(update)
+
+    @property
+    def is_busy(self) -> bool:
+        """Return whether a process works for the page."""
+        return any(job.is_apart and job.is_running for job in self.jobs)
 
     def note_files(self) -> None:
         """Tell the tabs that there may be new files."""
@@ -206,14 +210,15 @@ class Page:
 
     def rest(self) -> None:
         """Cancel all jobs that run, and stop to play."""
-        for job in (*self.jobs, *self._latest):
+        for job in self.jobs:
             job.cancel()
         self.timeline.pause()
 
     def close(self) -> None:
-        """Cancel all jobs, and answer no callback from now on."""
+        """Cancel all jobs, answer no callback from now on, and stop to draw."""
         self._is_closed = True
         self.rest()
-
-    def _show_progress(self, progress: Progress, tab: str) -> None:
-        self.say(f"{progress}" if progress.message else f"{progress} …", tab)
+        for job in self.jobs:
+            if job.is_apart:
+                job.wait(TIMEOUT)
+        self.timeline.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -26,30 +26,22 @@ from robots.body.squats import Squat, list_squats
 from robots.body.statics import Statics
 from robots.kinematics import mirror_positions, place, read_posture
 
-
-@dataclass(frozen=True, kw_only=True)
-class FallsToSample:
-    """Falls of a class."""
-
-    options: SceneOptions
-    """Robot and scene; the seed is that of the falls."""
-    side: str
-    count: int
+FallsToSample = tuple[SceneOptions, str, int]
+"""Robot, scene and seed; class of the falls; their number."""
 
 
 def sample_starts(
     request: FallsToSample, report: Report | None = None, cancel: Cancel | None = None
 ) -> list[Fall]:
     """Sample settled falls of a class; of one seed, the first ones are the same for any count."""
-    if request.side not in CLASSES or request.count < 1:
-        found = f"{request.count} of class '{request.side}'"
+    options, side, count = request
+    if side not in CLASSES or count < 1:
+        found = f"{count} of class '{side}'"
         raise BadInputError(f"falls: {found}, expected 1 or more of {', '.join(CLASSES)}")
-    world, monitor = load_world(request.options), ProgressMonitor(report, cancel)
-    advance = monitor.count(f"falls ({request.side})", request.count)
+    world, monitor = load_world(options), ProgressMonitor(report, cancel)
+    advance = monitor.count(f"falls ({side})", count)
     with refusing():
-        sampled = sample_fall_set(
-            world, {request.side: request.count}, request.options.seed, report=advance
-        )
+        sampled = sample_fall_set(world, {side: count}, options.seed, report=advance)
         for fall in sampled.falls:
             check_standing_place(world, fall.posture.position)
     return list(sampled.falls)

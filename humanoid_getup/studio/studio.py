@@ -33,8 +33,6 @@ from humanoid_getup.commands.look.studio import StudioRequest
 if TYPE_CHECKING:
     from humanoid_getup.simulation.world import World
     from humanoid_getup.studio.page import Page
-    from humanoid_getup.studio.timeline import Timeline
-    from humanoid_getup.studio.workspace import Workspace
 
 LEFT_OPEN = 5.0  # s after which a closed page leaves nothing running; a reload is quicker
 TOKEN = "token"
@@ -44,12 +42,6 @@ LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
 
 class Studio:
     """A page that is served; a context manager that ends everything it began."""
-
-    page: Page
-    """What all tabs share."""
-    timeline: Timeline
-    tabs: dict[str, Any]
-    """Tabs by their names."""
 
     def __init__(
         self, request: StudioRequest, announce: Callable[[str], None] = lambda _: None
@@ -68,7 +60,8 @@ class Studio:
             )
         self.server.gui.configure_theme(show_share_button=False, control_width="large")
         announce(self.address)
-        self._workspace = self._fill(request, world)
+        self.page = self._fill(request, world)
+        """What all tabs share."""
         self.server.on_client_disconnect(lambda _: self._leave())
 
     @property
@@ -80,7 +73,7 @@ class Studio:
 
     def change(self, request: StudioRequest) -> None:
         """Show another robot, body or scene; what was on the page is gone."""
-        if any(job.is_running for job in self.page.jobs):
+        if self.page.is_busy:
             raise BadInputError("a job is running, expected its end, or Cancel first")
         StudioRequest.accept(request)
         world = load_world(request)
@@ -93,7 +86,7 @@ class Studio:
         with self._changing:
             self._is_closed = True
             try:
-                self._workspace.close()
+                self.page.close()
             finally:
                 with redirect_stdout(io.StringIO()):
                     self.server.stop()
@@ -108,26 +101,23 @@ class Studio:
     def _replace(self, request: StudioRequest, world: World) -> None:
         """Empty the page and fill it; as it was, if that fails."""
         before = self.page.request, self.page.world
-        self._workspace.close()
+        self.page.close()
         try:
-            self._workspace = self._refill(request, world)
+            self.page = self._refill(request, world)
         except Exception as error:
-            self._workspace = self._refill(*before)
+            self.page = self._refill(*before)
             self.page.refuse(f"{type(error).__name__}: {error}")
             raise
 
-    def _refill(self, request: StudioRequest, world: World) -> Workspace:
+    def _refill(self, request: StudioRequest, world: World) -> Page:
         self.server.gui.reset()
         self.server.scene.reset()
         return self._fill(request, world)
 
-    def _fill(self, request: StudioRequest, world: World) -> Workspace:
-        """Fill the page."""
-        from humanoid_getup.studio.workspace import Workspace  # slow to import
+    def _fill(self, request: StudioRequest, world: World) -> Page:
+        from humanoid_getup.studio.workspace import fill_page  # slow to import
 
-        filled = Workspace(request, self.server, world, Path(self._scratch.name), self.change)
-        self.page, self.timeline, self.tabs = filled.page, filled.timeline, filled.tabs
-        return filled
+        return fill_page(request, self.server, world, Path(self._scratch.name), self.change)
 
     def _leave(self) -> None:
         """End all jobs soon, unless a page is open by then."""

@@ -1,16 +1,16 @@
-"""Workspace: what is on the page for one robot in one scene."""
+"""Workspace: fills the page for one robot in one scene."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from humanoid_getup.scenes.named_scenes import SUFFIX, list_scenes
 from humanoid_getup.studio.folders import containing
+from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.stage import Stage
 from humanoid_getup.studio.tabs.discover_tab import DiscoverTab
@@ -33,11 +33,8 @@ if TYPE_CHECKING:
 ROBOT_FILE = "robot.toml"
 SCENE_KEYS = re.compile(rb"^\[*(ground|boxes|capsules|spheres|starts)\b", re.MULTILINE)
 """One of them is in every scene file that is not level ground."""
-GROUND = "Of rough ground: one seed gives the same ground again."
-BODY = "Factors on the lengths of shoulders, arms, torso or legs, such as arms=1.6,torso=2.2."
 CAMERA = (1.9, -1.6, 1.1)  # standing neck heights from the robot
 WIDTH = 430  # pixels, for the names of all tabs
-TIMEOUT = 12.0  # s for jobs to release a robot and to end
 TABS: dict[str, Callable[[Page], object]] = {
     "Pose": PoseTab,
     "Keyframes": KeyframeTab,
@@ -60,9 +57,9 @@ class SetupFolder:
         title = f"{page.world.robot.name}, {page.world.scene.name}"
         with gui.add_folder(title, expand_by_default=False):
             self._robot = gui.add_dropdown("Robot", robots, initial_value=given.robot)
-            self._body = gui.add_text("Body", given.body, hint=BODY)
             self._scene = gui.add_dropdown("Scene", scenes, initial_value=given.scene)
-            self._ground = gui.add_number("Ground seed", given.seed, min=0, step=1, hint=GROUND)
+            shown = {"body": given.body, "seed": given.seed}
+            self._form = Form(gui, type(given), {"body": "Body", "seed": "Ground seed"}, **shown)
             page.add_button("Open", self._open, main=True)
 
     def _open(self) -> None:
@@ -71,10 +68,8 @@ class SetupFolder:
             robot = str(self._page.folders.resolve(robot))
         if scene != given.scene and scene.endswith(SUFFIX):
             scene = str(self._page.folders.resolve(scene))
-        seed = int(self._ground.value)
         self._page.say(f"Opens {self._robot.value} …")
-        changed = replace(given, robot=robot, body=self._body.value, scene=scene, seed=seed)
-        self._change(changed)
+        self._change(replace(given, robot=robot, scene=scene, **self._form.read()))
 
 
 def find_robots(folders: Folders) -> list[str]:
@@ -91,46 +86,26 @@ def _unite(first: str, others: list[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*others, first]))
 
 
-class Workspace:
-    """Timeline, tabs and stage."""
-
-    def __init__(
-        self,
-        request: StudioRequest,
-        server: viser.ViserServer,
-        world: World,
-        scratch: Path,
-        change: Callable[[StudioRequest], None],
-    ) -> None:
-        """Fill an empty page; ``change`` shows another robot or scene."""
-        _aim_camera(server, world.robot.standing_neck_height)
-        self.timeline = Timeline(server, Stage(server, world))
-        self.page = Page(request, server, world, self.timeline, scratch)
-        with self.timeline.panel.add_tab("Picture"), self._speaking("Picture"):
-            PictureTab(self.page)
-        SetupFolder(self.page, change)
-        tabs = server.gui.add_tab_group()
-        self.tabs: dict[str, Any] = {}
-        """What was made of `TABS`."""
-        for name, tab in TABS.items():
-            with tabs.add_tab(name), self._speaking(name):
-                self.tabs[name] = tab(self.page)
-        server.gui.main_panel.dock_right()
-        server.gui.main_panel.set_width(WIDTH)
-
-    @contextmanager
-    def _speaking(self, name: str) -> Iterator[None]:
-        """Let the elements that are added meanwhile speak in the name of a tab."""
-        self.page.tab = name
-        yield
-        self.page.tab = ""
-
-    def close(self) -> None:
-        """Cancel all jobs, and stop to draw."""
-        self.page.close()
-        for job in self.page.jobs:
-            job.wait(TIMEOUT)
-        self.timeline.close()
+def fill_page(
+    request: StudioRequest,
+    server: viser.ViserServer,
+    world: World,
+    scratch: Path,
+    change: Callable[[StudioRequest], None],
+) -> Page:
+    """Fill an empty page for one robot in one scene; ``change`` shows another one."""
+    _aim_camera(server, world.robot.standing_neck_height)
+    page = Page(request, server, world, Timeline(server, Stage(server, world)), scratch)
+    with page.timeline.panel.add_tab("Picture"), page.speaking("Picture"):
+        PictureTab(page)
+    SetupFolder(page, change)
+    tabs = server.gui.add_tab_group()
+    for name, tab in TABS.items():
+        with tabs.add_tab(name), page.speaking(name):
+            page.tabs[name] = tab(page)
+    server.gui.main_panel.dock_right()
+    server.gui.main_panel.set_width(WIDTH)
+    return page
 
 
 def _aim_camera(server: viser.ViserServer, height: float) -> None:

@@ -14,6 +14,7 @@ pytest.importorskip("viser", reason="needs the studio extra")
 
 from searched_robot import copy_bare_robot, search_a_little, store
 from studio_page import StudioPage, open_studio
+from waiting import wait_until
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
@@ -59,7 +60,7 @@ def open_tab(browser: "Browser", robot: Path, folder: Path) -> Iterator[tuple[An
 def click_state(studio: Any, window: StudioPage, state: MappedState) -> None:
     (client,) = studio.server.get_clients().values()
     client.get_render(height=8, width=8)  # what was added before is drawn now
-    spot = studio.tabs["Discover"].board.find_spot(state)
+    spot = studio.page.tabs["Discover"].board.find_spot(state)
     window.page.mouse.click(*window.find_pixel(client.camera, spot))
 
 
@@ -82,11 +83,11 @@ def test_a_state_that_is_clicked_on_poses_the_robot_and_its_way_can_be_scrubbed(
         studio.page.pose(replace(studio.page.start, position=there))
         window.tick("Show map")
         window.see(STATES)
-        state = find_lonely(studio.tabs["Discover"].board, robot)
+        state = find_lonely(studio.page.tabs["Discover"].board, robot)
         assert state.moves > 0
         click_state(studio, window, state)
         window.see(f"{state.posture}: neck at {state.neck[-1]:.0%}")
-        world, take = studio.page.world, studio.timeline.take
+        world, take = studio.page.world, studio.page.timeline.take
         layout = world.robot.layout(world.model)
         np.testing.assert_allclose(
             studio.page.start.joint_pos, state.qpos[-1, layout.qpos], atol=1e-3
@@ -101,9 +102,9 @@ def test_a_state_that_is_clicked_on_poses_the_robot_and_its_way_can_be_scrubbed(
         window.choose("Found", FOUND)
         window.click("Show motion")
         window.see(f"{FOUND}: ")
-        assert studio.timeline.take.name == FOUND
+        assert studio.page.timeline.take.name == FOUND
         recorded = Motion.load(robot / "motions" / f"{FOUND}.npz")
-        assert len(studio.timeline.take.time) == len(recorded.time)
+        assert len(studio.page.timeline.take.time) == len(recorded.time)
 
 
 @pytest.mark.parametrize(("scene", "is_told"), [("flat", False), ("rough:medium", True)])
@@ -127,8 +128,8 @@ def test_a_search_is_resumed_followed_and_cancelled(
         window.see("squats")
         window.click("Cancel")
         window.see("Cancelled.")
-        assert not any(job.is_running for job in studio.page.jobs)
-        assert studio.tabs["Discover"].board.visible
+        wait_until(lambda: not studio.page.is_busy)
+        assert studio.page.tabs["Discover"].board.visible
     assert read_search_map(World(load_robot(robot))) is not None
     assert not (tmp_path / "op3_motions.png").exists()
 
@@ -143,4 +144,4 @@ def test_a_robot_outside_the_folders_is_not_searched(
     with open_tab(browser, linked, inside) as (studio, window):
         window.click("Discover")
         window.see(f"{robot}: expected a robot folder within {inside}, see --folder")
-        assert not studio.page.jobs
+        assert not studio.page.is_busy

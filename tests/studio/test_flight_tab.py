@@ -76,7 +76,7 @@ def test_a_flight_is_listed_opened_and_scrubbed(browser: "Browser", flight: Path
         window.choose("Log", "op3.mcap")
         window.click("Open")
         window.see("Opened ")
-        timeline, take = studio.timeline, studio.timeline.take
+        timeline, take = studio.page.timeline, studio.page.timeline.take
         ended, found, *_ = take.facts
         assert ended == "Ended: attempt 1: its neck came to 0.3"
         assert found.startswith("joint 'l_knee' differed by")
@@ -141,7 +141,7 @@ def test_what_cannot_be_shown_is_refused_in_one_line_and_what_was_cut_off_is_sho
         for name, line in REFUSED.items():
             open_log(window, name)
             window.see(line)
-        assert studio.timeline.take is None
+        assert studio.page.timeline.take is None
         open_log(window, "cut.mcap")
         window.see("cut off:")
-        assert 0.1 < studio.timeline.take.duration < 0.9
+        assert 0.1 < studio.page.timeline.take.duration < 0.9

@@ -40,7 +40,7 @@ def test_a_rise_is_authored_mirrored_played_stored_and_opened_again(
     browser: "Browser", tmp_path: Path
 ):
     with open_studio(browser, folder=(tmp_path,)) as (studio, window):
-        robot, draft = studio.page.world.robot, studio.tabs["Keyframes"].draft
+        robot, editor = studio.page.world.robot, studio.page.tabs["Keyframes"].editor
         window.open_tab("Keyframes")
         window.type("Motion name", "up")
         window.choose("Starts", "squat")
@@ -53,13 +53,13 @@ def test_a_rise_is_authored_mirrored_played_stored_and_opened_again(
         window.see("up, squat to standing")
         window.type("Duration [s]", "0.7")
         window.see_value("Key", "2: 0.70 s (+0.70)")
-        authored = draft.keyframes
+        authored = editor.keyframes
         assert len(authored.keys) == 3
         assert authored.duration[0] == 0.7
 
         window.click("Play keys")
         window.see("As it should: stood after")
-        take = studio.timeline.take
+        take = studio.page.timeline.take
         assert take.name == "up"
         assert take.ghost.shape == take.qpos.shape
         assert [mark.text for mark in take.marks] == ["key 1", "key 2", "key 3"]
@@ -83,7 +83,7 @@ def test_a_rise_is_authored_mirrored_played_stored_and_opened_again(
         window.choose("Motion", "up")
         window.click("Open")
         window.see("Opened up of mine.toml.")
-        assert_same(draft.keyframes, authored)
+        assert_same(editor.keyframes, authored)
         window.take_picture(tmp_path / "keyframes.png")
 
 
@@ -105,7 +105,7 @@ def test_another_programs_keys_are_imported_and_a_pickle_is_not_opened(
         window.click("Import")
         window.see("Imported: keys")
         (stored,) = load_keyframes(tmp_path / "mine.toml", op3)
-        assert_same(studio.tabs["Keyframes"].draft.keyframes, stored)
+        assert_same(studio.page.tabs["Keyframes"].editor.keyframes, stored)
 
         own = op3.folder / KEYFRAMES
         before = own.read_bytes()
@@ -123,6 +123,12 @@ def motions(op3: Robot) -> list[Keyframes]:
     return load_keyframes(op3.folder / KEYFRAMES, op3)
 
 
+def edit(robot: Robot, motion: Keyframes) -> KeyEditor:
+    editor = KeyEditor(robot)
+    editor.open(motion)
+    return editor
+
+
 places = st.integers(0, 15)
 
 
@@ -131,32 +137,41 @@ places = st.integers(0, 15)
 def test_a_key_that_is_inserted_and_deleted_leaves_the_others_and_two_mirrors_the_motion(
     op3: Robot, motions: list[Keyframes], place: int, key: int
 ):
-    editor, motion = KeyEditor(robot=op3), motions[place]
-    again = editor.mirror(editor.mirror(motion))
+    motion = motions[place]
+    editor = edit(op3, motion)
+    editor.mirror()
+    editor.mirror()
+    again = editor.keyframes
     np.testing.assert_array_equal(again.keys, motion.keys)
     assert (again.name, again.start_class) == (motion.name, motion.start_class)
     assert (again.end_class, *again.duration) == (motion.end_class, *motion.duration)
-    after = key % editor.count(motion)
-    longer = editor.insert(motion, after, op3.standing.joint_pos)
+    after = key % editor.count
+    editor.insert(after, op3.standing.joint_pos)
+    longer = editor.keyframes
     assert len(longer.keys) == len(longer.duration) + 1 == len(motion.keys) + 1
     np.testing.assert_array_equal(longer.keys[after + 1], op3.standing.joint_pos)
-    shorter = editor.delete(longer, after + 1)
+    editor.delete(after + 1)
+    shorter = editor.keyframes
     np.testing.assert_array_equal(shorter.keys, motion.keys)
     assert np.all(shorter.duration >= motion.duration)
+    editor.undo()
+    assert editor.keyframes is longer
 
 
 def test_the_stance_at_the_end_of_a_rise_is_not_a_key_to_change(
     op3: Robot, motions: list[Keyframes]
 ):
-    editor, motion = KeyEditor(robot=op3), motions[0]
-    stance = editor.count(motion)
+    motion = motions[0]
+    editor = edit(op3, motion)
+    stance = editor.count
     for change in (
-        lambda: editor.delete(motion, stance),
-        lambda: editor.put(motion, stance, motion.keys[0]),
-        lambda: editor.swap(motion, stance - 1, stance),
-        lambda: editor.time(motion, 0, 1.0),
-        lambda: editor.time(motion, 1, 0.0),
+        lambda: editor.delete(stance),
+        lambda: editor.put(stance, motion.keys[0]),
+        lambda: editor.swap(stance - 1, stance),
+        lambda: editor.time(0, 1.0),
+        lambda: editor.time(1, 0.0),
         lambda: editor.begin("no name", "supine", "standing", motion.keys[0]),
     ):
         with pytest.raises(BadInputError, match=r"expected|duration"):
             change()
+    assert editor.keyframes is motion

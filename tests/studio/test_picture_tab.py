@@ -18,7 +18,7 @@ DURATION = 0.4  # s
 def lift_robot(studio: Any) -> Take:
     """Make a take in which the standing robot rises through the air at a steady speed."""
     time = np.linspace(0.0, DURATION, 41)
-    qpos = np.tile(studio.timeline.picture.qpos, (len(time), 1))
+    qpos = np.tile(studio.page.timeline.picture.qpos, (len(time), 1))
     qpos[:, 2] += RISE * time / DURATION
     return Take(name="lift", time=time, qpos=qpos)
 
@@ -33,7 +33,7 @@ def find_row(picture: Any) -> float:
 @pytest.mark.slow
 def test_a_video_shows_every_time_of_the_take_in_its_place(browser: "Browser", tmp_path: Path):
     with open_studio(browser, coarse=False, folder=(tmp_path,)) as (studio, window):
-        studio.timeline.load(lift_robot(studio), play=False)
+        studio.page.timeline.load(lift_robot(studio), play=False)
         window.see("lift")
         window.open_tab("Picture")
         window.choose("Video as", "gif")
@@ -75,12 +75,12 @@ def test_pictures_are_saved_in_the_folders_and_no_video_of_a_take_that_was_repla
         window.type("File name", "robot")
         window.click("Save picture")
         window.see("Saved robot.png")
-        studio.timeline.load(lift_robot(studio), play=False)
+        studio.page.timeline.load(lift_robot(studio), play=False)
         window.click("Save video")
         window.see("Draws picture")
         window.click("Save video")
         window.see("a video is being drawn, expected its end, or Cancel first")
-        studio.timeline.load(lift_robot(studio), play=False)
+        studio.page.timeline.load(lift_robot(studio), play=False)
         window.see("the timeline shows something else now")
     assert [file.name for file in tmp_path.iterdir()] == ["robot.png"]
     assert not (tmp_path.parent / "outside.png").exists()

@@ -54,11 +54,11 @@ def test_a_file_outside_the_folders_is_neither_written_nor_read(browser: "Browse
 def drag_along(studio: "Studio", window: StudioPage, way: Array) -> None:
     """Drag the gizmo by the arrow along an axis [m]; wait until it has arrived."""
     window.see("by its arrows.")
-    gizmo, start = studio.tabs["Pose"].gizmo, studio.page.start
+    gizmo, start = studio.page.tabs["Pose"].gizmo, studio.page.start
     handle = gizmo.shown
     grip = handle.position + 0.7 * handle.scale * np.abs(way) / np.linalg.norm(way)
     window.drag_point(studio.server, grip, grip + way)
-    ended = studio.timeline.wait_for(
+    ended = studio.page.timeline.wait_for(
         lambda: studio.page.start is not start and not gizmo.is_held, LONGEST
     )
     assert ended
@@ -75,7 +75,7 @@ def test_a_hand_is_dragged_by_its_gizmo_and_the_other_one_mirrors_it(browser: "B
         arm = [robot.joint_names.index(name) for name in ("l_sho_pitch", "l_sho_roll", "l_el")]
         assert np.abs(angles - standing.joint_pos)[arm].max() > 0.1
         # The gizmo is back at the hand, wherever that came to.
-        reach, shown = Reach(robot), studio.tabs["Pose"].gizmo.shown
+        reach, shown = Reach(robot), studio.page.tabs["Pose"].gizmo.shown
         hand = reach.locate(studio.page.start, "left_arm").position
         np.testing.assert_allclose(shown.position, hand, atol=1e-4)
         assert hand[0] - reach.locate(standing, "left_arm").position[0] > 0.02
@@ -102,7 +102,7 @@ def test_a_joint_is_turned_with_its_partner_and_falls_of_a_class_are_stepped_thr
         window.type("l_knee", "80")
         turned = [names.index(f"{side}_knee") for side in ("l", "r")]
         arrived = np.radians([80.0, -80.0])
-        studio.timeline.wait_for(
+        studio.page.timeline.wait_for(
             lambda: np.allclose(studio.page.start.joint_pos[turned], arrived), LONGEST
         )
         np.testing.assert_allclose(studio.page.start.joint_pos[turned], arrived)

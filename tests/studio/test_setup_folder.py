@@ -75,11 +75,11 @@ def test_nothing_is_opened_while_a_job_runs(browser: "Browser"):
         page = studio.page
         window.open_tab("Plan")
         window.click("Plan")
-        wait_until(lambda: any(job.is_running for job in page.jobs))
+        wait_until(lambda: page.is_busy)
         window.page.get_by_text("op3, flat").click()
         window.click("Open")
         window.see("a job is running")
         page.rest()
-        wait_until(lambda: not any(job.is_running for job in page.jobs))
+        wait_until(lambda: not page.is_busy)
         window.click("Open")
         wait_until(lambda: studio.page is not page)

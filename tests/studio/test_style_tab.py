@@ -28,21 +28,21 @@ class StyleDesk:
 
     def __init__(self, studio: Any, window: StudioPage) -> None:
         self.studio, self.window = studio, window
-        self.tab: StyleTab = studio.tabs["Style"]
+        self.tab: StyleTab = studio.page.tabs["Style"]
         lay_down(studio, "supine")
         window.open_tab("Style")
 
     @contextmanager
     def rolling(self) -> Iterator[None]:
         """Wait until what is done has led to another take."""
-        before = self.studio.timeline.take
+        before = self.studio.page.timeline.take
         yield
-        wait_until(lambda: self.studio.timeline.take is not before)
+        wait_until(lambda: self.studio.page.timeline.take is not before)
 
     @property
     def rise_time(self) -> float:
         """When the neck passes its middle height in the take [s]."""
-        take: Take = self.studio.timeline.take
+        take: Take = self.studio.page.timeline.take
         return find_rise(take.time, take.plots[NECK].curves["followed"])
 
     def choose(self, style: str) -> None:

@@ -23,7 +23,7 @@ def test_a_time_that_is_typed_while_a_take_plays_is_shown(
     browser: "Browser", monkeypatch: pytest.MonkeyPatch
 ):
     with open_studio(browser) as (studio, window):
-        timeline, time = studio.timeline, np.linspace(0.0, 600.0, 6001)
+        timeline, time = studio.page.timeline, np.linspace(0.0, 600.0, 6001)
         lying = timeline.picture.qpos
         rising = lying + 1e-4 * time[:, None] * (np.arange(len(lying)) == 2)  # its torso, in 60 mm
         take = Take(name="rising", time=time, qpos=rising)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from humanoid_getup.studio.boards.plot_board import AXES, LEVEL, WIDTH, PlotBoard, join
+from humanoid_getup.studio.takes import TITLES
 from humanoid_getup.style.curves import PLACES, POINTS, UPRIGHT_STAND, StyleCurves
 from humanoid_getup.style.style_editor import HIGHEST_VALUES, clip_value
 from robots.quaternion import Array
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     import viser
 
 ROOT = "/style"
-NAMES = ("Neck height [share of standing]", "Side angle [deg]", "Front angle [deg]")
 TICKS: tuple[tuple[tuple[float, str], ...], ...] = (
     ((0.0, "0"), (1.0, "1")),
     *2 * (((0.0, "0°"), (math.pi / 2, "90°"), (math.pi, "180°")),),
@@ -141,7 +141,7 @@ class CurveBoard(PlotBoard):
         level = join(self._locate(feature, np.array([0.0, 1.0]), stand))
         self._add_line(f"{feature}/stand", level, LEVEL, 1.5)
         over = self._locate(feature, np.zeros(1), np.array([top]))[0, 2] / self._size
-        self._add_label(f"{feature}/name", NAMES[feature], 0.02, over + 0.02, "bottom-left")
+        self._add_label(f"{feature}/name", TITLES[feature], 0.02, over + 0.02, "bottom-left")
         for value, text in TICKS[feature]:
             up = self._locate(feature, np.zeros(1), np.array([value]))[0, 2] / self._size
             self._add_label(f"{feature}/{text}", text, -0.05, up, "center-right")

@@ -27,6 +27,7 @@ from humanoid_getup.studio.boards.state_board import (
     color_by_side,
     read_search_map,
 )
+from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.takes import make_motion_take, make_way_take, place_way
 from robots.kinematics import place, read_posture
@@ -36,15 +37,17 @@ if TYPE_CHECKING:
 
     from humanoid_getup.commands.motions.discover_motions import DiscoveredMotions
     from humanoid_getup.posture_chains.search_file import StoredOptions
-    from humanoid_getup.progress.worker import BackgroundJob
     from humanoid_getup.studio.boards.state_board import MappedState, SearchMap
     from humanoid_getup.studio.page import Page
 
 WRITTEN = (MOTION_FOLDER, UNFINISHED, KEYFRAMES)
 """What a search writes into the folder of its robot."""
-SEED = "One seed finds the same motions again."
-SEARCHED = "Simulated time after which the search ends; it takes hours."
-RESUME = "Go on with the search that is stored, with its sides, seed and limit."
+OPTIONS = {
+    "seed": "Seed",
+    "budget": "Budget",
+    "torque_limit": "Torque limit",
+    "resume": "Resume",
+}
 REACHED, NONE = "from lying", "none"
 ALL_REACHED: tuple[str, ...] = (REACHED,)
 NO_MOTION: tuple[str, ...] = (NONE,)
@@ -61,7 +64,6 @@ class DiscoverTab:
                 "Motions are searched with the original body alone: open the studio without --body."
             )
             return
-        self._job: BackgroundJob[DiscoveredMotions] | None = None
         self._map: SearchMap | None = None
         self._states: list[MappedState] = []
         self._searched = page.world if page.world.scene.is_flat else World(robot)
@@ -82,14 +84,10 @@ class DiscoverTab:
                 side: gui.add_checkbox(side.capitalize(), True)
                 for side in list_sides(self._page.world.robot)
             }
-        self._seed = gui.add_number("Seed", 0, min=0, step=1, hint=SEED)
-        self._budget = gui.add_number("Budget [s]", BUDGET, min=1.0, step=1000.0, hint=SEARCHED)
-        self._limit = gui.add_number(
-            "Torque limit [N·m]", 0.0, min=0.0, step=0.1, hint="Of every servo; 0 for none."
-        )
-        self._resume = gui.add_checkbox("Resume", False, hint=RESUME)
-        self._begin_button = self._page.add_button("Discover", self._begin, main=True)
-        self._cancel = self._page.add_button("Cancel", self._end, disabled=True)
+        self._form = Form(gui, DiscoverRequest, OPTIONS, budget=BUDGET)
+        busy = "motions are being searched, expected the end"
+        self._job = self._page.add_job(discover, self._tell, over=self._rest, busy=busy)
+        self._page.add_job_buttons("Discover", self._begin, self._job)
         self._page.add_button("Copy as command", self._write_command)
         self._command = gui.add_markdown("")
 
@@ -114,19 +112,17 @@ class DiscoverTab:
 
     def _begin(self) -> None:
         """Search in the background."""
-        if self._job is not None and self._job.is_running:
-            raise BadInputError("motions are being searched, expected the end, or Cancel first")
+        self._job.check()
         request = self._make_request()
         request.check()
         folder = self._page.world.robot.folder
         stored = [str(file) for name in WRITTEN for file in (folder / name).glob("*")]
         self._page.folders.check_robot(folder, [*WRITTEN, *stored])
-        self._begin_button.disabled, self._cancel.disabled = True, False
         self._page.say("The search begins …")
-        self._job = self._page.run(discover, request, self._tell, over=self._rest)
+        self._job.ask(request)
 
     def _make_request(self) -> DiscoverRequest:
-        if self._resume.value:
+        if self._is_resumed:
             self._read_map()
         robot = self._page.world.robot
         sides = tuple(side for side, box in self._sides.items() if box.value)
@@ -136,30 +132,25 @@ class DiscoverTab:
         return DiscoverRequest(
             robot=self._page.request.robot,
             sides=() if len(sides) == len(self._sides) else sides,
-            budget=None if self._budget.value == BUDGET else float(self._budget.value),
-            torque_limit=float(self._limit.value) or None,
-            resume=self._resume.value,
-            seed=int(self._seed.value),
             picture=shorten_path(picture),
+            **self._form.read(),
         )
+
+    @property
+    def _is_resumed(self) -> bool:
+        return self._form.read()["resume"]
 
     def _write_command(self) -> None:
         """Show the command that does the same."""
         self._command.content = make_block(write_command("motions discover", self._make_request()))
 
-    def _end(self) -> None:
-        """Cancel the search."""
-        if self._job is not None:
-            self._job.cancel()
-
     def _rest(self) -> None:
         """Show what there is after a search, however it ended."""
-        self._begin_button.disabled, self._cancel.disabled = False, True
         self._note_files()
         if self.board.visible and MotionSearch.file(self._page.world.robot).exists():
             self._read_map()
 
-    def _tell(self, done: DiscoveredMotions) -> None:
+    def _tell(self, _: DiscoverRequest, done: DiscoveredMotions) -> None:
         """Tell how a search has ended."""
         parts = [f"found {', '.join(m.name for m in done.motions)}"] if done.motions else []
         parts += [f"no motion from {', '.join(done.wanting)}"] if done.wanting else []
@@ -171,7 +162,8 @@ class DiscoverTab:
         robot = self._page.world.robot
         found = [name for side in FOUND_SIDES for name in list_found(robot, side)]
         self._motion.options = tuple(found) or NO_MOTION
-        self._resume.value = is_begun = MotionSearch.file(robot).exists()
+        is_begun = MotionSearch.file(robot).exists()
+        self._form.show("resume", is_begun)
         self._state.content = (
             "A search is stored: it can be looked at as a map, and resumed."
             if is_begun
@@ -196,7 +188,7 @@ class DiscoverTab:
             )
         self._map = known
         self._of.options = (REACHED, *dict.fromkeys(state.side for state in known.states))
-        if self._resume.value:
+        if self._is_resumed:
             self._take_options(known.options)
         self._state.content = escape(f"{known}.")
         self._draw()
@@ -205,7 +197,8 @@ class DiscoverTab:
         """Take over the options of the search, without which it cannot be resumed."""
         for side, box in self._sides.items():
             box.value = side in options.sides
-        self._seed.value, self._limit.value = options.seed, options.torque_limit or 0.0
+        self._form.show("seed", options.seed)
+        self._form.show("torque_limit", options.torque_limit)
 
     def _draw(self) -> None:
         """Draw the states of a side, those of all sides, or those with a way up."""

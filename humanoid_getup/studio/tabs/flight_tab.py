@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +19,9 @@ from humanoid_getup.commands.look.replay import (
 )
 from humanoid_getup.commands.options import write_command
 from humanoid_getup.execution.session import Phase
-from humanoid_getup.progress.worker import BackgroundJob
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport
 from humanoid_getup.simulation.world import World
+from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import make_block, make_table
 from humanoid_getup.studio.takes import Mark, Plot, Take
@@ -31,8 +29,6 @@ from robots.kinematics import transfer_positions
 
 SUFFIX = ".mcap"
 NO_LOG = f"no {SUFFIX} file"
-AS_MEASURED = "Of the twin; 0: as measured at the start"
-DIVERGES = "Difference of a joint or of the tilt from which robot and twin count as diverged."
 START = {
     "logged": "the twin starts where the log says",
     "estimated": "the twin starts where the first measurement puts it",
@@ -49,8 +45,10 @@ class FlightTab:
 
     def __init__(self, page: Page) -> None:
         self._page, gui = page, page.gui
-        self._job: BackgroundJob[Any] | None = None
-        self._saving: BackgroundJob[ReplayedFlight] | None = None
+        replay = partial(replay_flight, folders=page.request.folder)
+        self._opening = page.add_job(replay, self._show, over=self._note_logs)
+        busy = "files are being saved, expected their end"
+        self._saving = page.add_job(replay, self._tell_saved, over=self._note_logs, busy=busy)
         self._opened: ReplayRequest | None = None
         with gui.add_folder("Flight log"):
             self._list = gui.add_dropdown("Log", self._find_logs())
@@ -59,10 +57,8 @@ class FlightTab:
             page.add_button("Open", self._open, main=True)
             page.add_button("Cancel", self._cancel)
         with gui.add_folder("Twin", expand_by_default=False):
-            self._supply = gui.add_number("Supply [V]", 0.0, min=0.0, step=0.1, hint=AS_MEASURED)
-            self._threshold = gui.add_number(
-                "Threshold [rad]", THRESHOLD, min=0.0, step=0.01, hint=DIVERGES
-            )
+            labels = {"voltage": "Supply", "threshold": "Threshold"}
+            self._form = Form(gui, ReplayRequest, labels, threshold=THRESHOLD)
         with gui.add_folder("Command"):
             self._command = gui.add_markdown("")
             self._folder = gui.add_text("Folder", "replay")
@@ -102,26 +98,15 @@ class FlightTab:
         request = ReplayRequest(
             log=shorten_path(log),
             robot=self._page.request.robot,
-            voltage=_unless(self._supply.value, 0.0),
-            threshold=_unless(self._threshold.value, THRESHOLD),
+            **self._form.read(),
         )
         request.check()
-        self._run(request, partial(self._show, request))
-
-    def _run(
-        self, request: ReplayRequest, ended: Callable[[ReplayedFlight], None]
-    ) -> BackgroundJob[ReplayedFlight]:
-        """Replay in the background, instead of what runs there; files are saved to the end."""
-        if self._saving is not None and self._saving.is_running:
-            raise BadInputError("files are being saved, expected their end, or Cancel first")
-        self._cancel()
-        work = partial(replay_flight, folders=self._page.request.folder)
-        self._job = job = self._page.run(work, request, ended, over=self._note_logs)
-        return job
+        self._saving.check()
+        self._opening.ask(request)
 
     def _cancel(self) -> None:
-        if self._job is not None:
-            self._job.cancel()
+        self._opening.cancel()
+        self._saving.cancel()
 
     # Result -----------------------------------------------------------------------------------
 
@@ -149,15 +134,12 @@ class FlightTab:
             raise BadInputError("no flight log is open, expected one: see Open")
         request = replace(self._opened, out=self._find_folder())
         request.check()
-        self._saving = self._run(request, self._tell_saved)
+        self._opening.cancel()
+        self._saving.ask(request)
 
-    def _tell_saved(self, flight: ReplayedFlight) -> None:
+    def _tell_saved(self, _: ReplayRequest, flight: ReplayedFlight) -> None:
         folder, names = flight.written[0].parent, ", ".join(path.name for path in flight.written)
         self._page.say(f"Saved in {folder}: {names}.")
-
-
-def _unless(value: float, default: float) -> float | None:
-    return None if value == default else float(value)
 
 
 def check_body(flight: ReplayedFlight, world: World) -> None:

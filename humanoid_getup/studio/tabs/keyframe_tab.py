@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -19,21 +20,18 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.motions.motion import MAX_DURATION, STANDING, START_CLASSES, EndClass
 from humanoid_getup.motions.trial import Trial
-from humanoid_getup.progress.worker import BackgroundJob
 from humanoid_getup.studio.edit_keys import (
     LEAST_DURATION,
-    KeyDraft,
     KeyEditor,
-    KeysToPlay,
     place_key,
     play_keys,
     store_keyframes,
 )
+from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.page import Page, add_button_row
 from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.pose_robot import Squats
 from humanoid_getup.studio.takes import locate_key, make_key_take
-from robots.quaternion import Array
 
 ENDS: tuple[EndClass, ...] = get_args(EndClass)
 SQUAT = (40, 100, 75)  # % of the neck's height in the stance: least, greatest, first
@@ -49,17 +47,16 @@ class KeyframeTab:
 
     def __init__(self, page: Page) -> None:
         self._page, robot = page, page.world.robot
-        self._editor, self._squats = KeyEditor(robot=robot), Squats(robot)
-        self.draft = KeyDraft()
+        self.editor, self._squats = KeyEditor(robot), Squats(robot)
         self._played: tuple[Keyframes, Trial] | None = None
-        self._job: BackgroundJob[Trial] | None = None
-        self._store = KeyStore(page, self.draft, self._open)
+        self._job = page.add_job(partial(play_keys, robot), self._show_trial)
+        self._store = KeyStore(page, self.editor, self._open)
         with page.gui.add_folder("New motion"):
             self._add_beginning()
         with page.gui.add_folder("Keys"):
-            self._list = KeyList(page, self.draft, self._editor, self._show)
+            self._list = KeyList(page, self.editor, self._show)
             page.add_button("Play keys", self._play, main=True)
-            page.add_button("Cancel", self._cancel)
+            page.add_button("Cancel", self._job.cancel)
         with page.gui.add_folder("Squat"):
             self._height = page.gui.add_slider(
                 "Height [%]", SQUAT[0], SQUAT[1], 1, SQUAT[2], hint=HEIGHT
@@ -80,40 +77,33 @@ class KeyframeTab:
     def _begin(self) -> None:
         posed = self._page.start.joint_pos
         name, end = self._name.value.strip(), self._end.value
-        self.draft.put(self._editor.begin(name, self._start.value, end, posed))
+        self.editor.begin(name, self._start.value, end, posed)
         self._list.choose(0)
         self._page.say(f"{name} begins with the present pose.")
 
     def _open(self, keyframes: Keyframes) -> None:
         """Edit a motion from a file, from its first key on."""
-        self.draft.put(keyframes)
+        self.editor.open(keyframes)
         self._list.choose(0)
         self._show(0)
 
     def _show(self, number: int) -> None:
         """Pose the robot in a key; after a rollout of these keys, where it was then."""
-        keyframes, played = self.draft.keyframes, self._played
+        keyframes, played = self.editor.keyframes, self._played
         if played is not None and played[0] is keyframes:
             self._page.pose(locate_key(played[1], number))
         else:
             self._page.pose(place_key(self._page.world, keyframes, number))
 
     def _play(self) -> None:
-        self._cancel()
-        keyframes = self.draft.keyframes
-        request = KeysToPlay(robot=self._page.world.robot, keyframes=keyframes)
-
-        def show(trial: Trial) -> None:
-            self._page.timeline.load(make_key_take(trial, self._page.world))
-            self._page.say(f"{keyframes.name} {trial.describe()}.")
-            self._played = keyframes, trial
-
+        keyframes = self.editor.keyframes
         self._page.say(f"{keyframes.name} is played in physics …")
-        self._job = self._page.run(play_keys, request, show)
+        self._job.ask(keyframes)
 
-    def _cancel(self) -> None:
-        if self._job is not None:
-            self._job.cancel()
+    def _show_trial(self, keyframes: Keyframes, trial: Trial) -> None:
+        self._page.timeline.load(make_key_take(trial, self._page.world))
+        self._page.say(f"{keyframes.name} {trial.describe()}.")
+        self._played = keyframes, trial
 
     def _squat(self) -> None:
         squat, posture = self._squats.find(self._height.value / 100.0)
@@ -128,11 +118,9 @@ class KeyframeTab:
 class KeyList:
     """Elements that list, choose, time and change keys."""
 
-    def __init__(
-        self, page: Page, draft: KeyDraft, editor: KeyEditor, show: Callable[[int], None]
-    ) -> None:
+    def __init__(self, page: Page, editor: KeyEditor, show: Callable[[int], None]) -> None:
         """Add the elements where the caller is adding them; ``show`` shows a key."""
-        self._page, self._draft, self._editor, self._show = page, draft, editor, show
+        self._page, self._editor, self._show = page, editor, show
         gui = page.gui
         self._state = gui.add_markdown("")
         self._choice = gui.add_dropdown("Key", (NO_KEYS,))
@@ -149,18 +137,15 @@ class KeyList:
         page.add_button("Add key", self._add)
         change = {
             "Replace": self._replace,
-            "Delete": lambda: draft.put(editor.delete(draft.keyframes, self.number)),
+            "Delete": lambda: editor.delete(self.number),
             "Show": self._choose,
         }
         add_button_row(page, "Chosen key", change)
         move = {"Earlier": lambda: self._swap(-1), "Later": lambda: self._swap(1)}
         add_button_row(page, "Move key", move)
-        whole = {
-            "Mirror motion": lambda: draft.put(editor.mirror(draft.keyframes)),
-            "Undo": draft.undo,
-        }
+        whole = {"Mirror motion": editor.mirror, "Undo": editor.undo}
         add_button_row(page, "Whole motion", whole)
-        draft.when_changed.append(self._update)
+        editor.when_changed.append(self._update)
 
     @property
     def number(self) -> int:
@@ -170,12 +155,12 @@ class KeyList:
     def choose(self, number: int) -> None:
         """Choose a key, without showing it."""
         self._choice.value = self._choice.options[number]
-        self._show_duration(self._draft.keyframes)
+        self._show_duration(self._editor.keyframes)
 
     def _update(self, keyframes: Keyframes) -> None:
         """List the keys of a changed motion; the chosen place stays."""
         number = min(self.number, len(keyframes.keys) - 1)
-        self._choice.options = list_keys(keyframes, self._editor.count(keyframes))
+        self._choice.options = list_keys(keyframes, self._editor.count)
         self._state.content = self._describe(keyframes)
         self.choose(number)
 
@@ -196,28 +181,23 @@ class KeyList:
             self._duration.value = round(float(keyframes.duration[number - 1]), 3)
 
     def _choose(self) -> None:
-        self._show_duration(self._draft.keyframes)
+        self._show_duration(self._editor.keyframes)
         self._show(self.number)
 
     def _time(self) -> None:
-        editor, number = self._editor, self.number
-        self._draft.put(editor.time(self._draft.keyframes, number, self._duration.value))
+        self._editor.time(self.number, self._duration.value)
 
     def _add(self) -> None:
-        self._draft.put(self._editor.insert(self._draft.keyframes, self.number, self._posed))
-        self.choose(min(self.number + 1, self._editor.count(self._draft.keyframes) - 1))
+        self._editor.insert(self.number, self._page.start.joint_pos)
+        self.choose(min(self.number + 1, self._editor.count - 1))
 
     def _replace(self) -> None:
-        self._draft.put(self._editor.put(self._draft.keyframes, self.number, self._posed))
+        self._editor.put(self.number, self._page.start.joint_pos)
 
     def _swap(self, way: int) -> None:
         number = self.number
-        self._draft.put(self._editor.swap(self._draft.keyframes, number, number + way))
+        self._editor.swap(number, number + way)
         self.choose(number + way)
-
-    @property
-    def _posed(self) -> Array:
-        return self._page.start.joint_pos
 
 
 def list_keys(keyframes: Keyframes, count: int) -> list[str]:
@@ -232,16 +212,15 @@ OWN: str = "the robot"
 """Source of the robot's own keyframes."""
 SUFFIX = ".toml"
 NO_MOTION: str = "none"
-KINDS = "A .csv table, a .json animation or a .bin action file; pickles are not opened."
-CLIP = "Angles outside a joint's range become its end, instead of being refused."
 
 
 class KeyStore:
     """Elements that open, store and import motions."""
 
-    def __init__(self, page: Page, draft: KeyDraft, opened: Callable[[Keyframes], None]) -> None:
+    def __init__(self, page: Page, editor: KeyEditor, opened: Callable[[Keyframes], None]) -> None:
         """Add the elements that open motions, for which ``opened`` is called then."""
-        self._page, self._draft, self._opened = page, draft, opened
+        self._page, self._editor, self._opened = page, editor, opened
+        self._importing = page.add_job(import_keys, self._show_added)
         self._stored: Keyframes | None = None
         self._file: Path | None = None  # in which it is stored; None for the robot's own
         gui = page.gui
@@ -259,15 +238,13 @@ class KeyStore:
         self._target = gui.add_text("Keyframes file", KEYFRAMES)
         self._page.add_button("Store", self._store)
         self._command = gui.add_markdown("")
-        self._draft.when_changed.append(lambda _: self._show_command())
+        self._editor.when_changed.append(lambda _: self._show_command())
         self._show_command()
 
     def add_import(self) -> None:
         """Add the elements that import another program's keys."""
-        gui = self._page.gui
-        self._foreign = gui.add_text("Key file", "", hint=KINDS)
-        self._pages = gui.add_text("Pages", "", hint="Of an action file, such as 1,2.")
-        self._clip = gui.add_checkbox("Limit angles", False, hint=CLIP)
+        labels = {"file": "Key file", "page": "Pages", "clip": "Limit angles"}
+        self._form = Form(self._page.gui, ImportKeysRequest, labels)
         self._page.add_button("Import", self._import)
 
     # Open -------------------------------------------------------------------------------------
@@ -298,7 +275,7 @@ class KeyStore:
     # Store ------------------------------------------------------------------------------------
 
     def _store(self) -> None:
-        keyframes, path = self._draft.keyframes, self._find_target()
+        keyframes, path = self._editor.keyframes, self._find_target()
         store_keyframes(path, keyframes, self._page.world.robot)
         self._stored, self._file = keyframes, path
         self._list_files()
@@ -320,7 +297,7 @@ class KeyStore:
         self._command.content = text
 
     def _write_commands(self) -> list[str]:
-        if self._stored is None or self._draft.keyframes is not self._stored:
+        if self._stored is None or self._editor.keyframes is not self._stored:
             return []
         name, robot, own = self._stored.name, self._page.request.robot, self._is_own
         file = None if own or self._file is None else shorten_path(self._file)
@@ -339,17 +316,18 @@ class KeyStore:
     # Import -----------------------------------------------------------------------------------
 
     def _import(self) -> None:
+        given = self._form.read()
         request = ImportKeysRequest(
+            file=self._page.folders.resolve(given.pop("file")),
             robot=self._page.request.robot,
-            file=self._page.folders.resolve(self._foreign.value),
-            page=parse_pages(self._pages.value),
-            clip=self._clip.value,
             out=self._find_target(),
+            **given,
         )
+        request.check()
         self._page.say(f"Keys of {request.file.name} are imported …")
-        self._page.run(import_keys, request, self._show_added)
+        self._importing.ask(request)
 
-    def _show_added(self, added: AddedKeys) -> None:
+    def _show_added(self, _: ImportKeysRequest, added: AddedKeys) -> None:
         """Open the first motion that was added, and tell how each ends."""
         robot, trials = self._page.world.robot, added.trials
         (keyframes,) = find_keyframes(robot, [trials[0].keyframes.name], added.file)
@@ -359,11 +337,3 @@ class KeyStore:
         told = [f"{trial.keyframes.name} {trial.describe()}" for trial in trials]
         notes = [note for imported in added.imported for note in imported.notes]
         self._page.say(f"Imported: {'; '.join([*told, *notes])}.")
-
-
-def parse_pages(text: str) -> tuple[int, ...]:
-    """Parse the numbers of pages, divided by commas."""
-    try:
-        return tuple(int(word) for word in text.split(",")) if text.strip() else ()
-    except ValueError as error:
-        raise BadInputError(f"pages: {text!r}, expected numbers such as 1,2") from error

@@ -41,22 +41,22 @@ class PictureTab:
     """Elements that save pictures and videos, as seen by the browser in which they are pressed."""
 
     def __init__(self, page: Page) -> None:
-        self._page, self._tab, gui = page, page.tab, page.gui
+        self._page, self._tab, gui = page, page.speaker, page.gui
         self._file = gui.add_text("File name", "studio", hint="without .png, .mp4 or .gif")
         gui.add_button("Save picture").on_click(self._answer(self._save_picture))
         self._format = gui.add_dropdown("Video as", FORMATS)
         gui.add_button("Save video", color=PLAIN).on_click(self._answer(self._begin_video))
-        page.add_button("Cancel", self._cancel)
-        self._job = page.run_latest(self._film, self._tell)
+        busy = "a video is being drawn, expected its end"
+        self._job = page.add_job(self._film, self._tell_video, apart=False, busy=busy)
+        page.add_button("Cancel", self._job.cancel)
 
     def _answer(self, work: Callable[[Camera], None]) -> Callable[[Any], None]:
         """Make a callback that knows which browser it came from."""
-        tab = self._page.tab
 
         def run(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
             client = event.client
             if client is not None:
-                self._page.answer(lambda: work(Camera(client)), tab)(event)
+                self._page.answer(lambda: work(Camera(client)), self._tab)(event)
 
         return run
 
@@ -66,6 +66,9 @@ class PictureTab:
         if not Path(name).name or name.endswith("/"):
             raise BadInputError("the file has no name, expected one")
         return self._page.folders.resolve(f"{name.removesuffix(f'.{suffix}')}.{suffix}")
+
+    def _tell_video(self, filming: Filming, _: None) -> None:
+        self._tell(filming.path)
 
     def _tell(self, path: Path) -> None:
         self._page.say(f"Saved {self._page.folders.name(path)}.")
@@ -91,20 +94,13 @@ class PictureTab:
             )
         if suffix not in FORMATS:
             raise BadInputError(f"video as {suffix}: expected {' or '.join(FORMATS)}")
-        if not self._job.wait(0.0):
-            raise BadInputError("a video is being drawn, expected its end, or Cancel first")
         self._job.ask(Filming(camera=camera, take=take, path=self._resolve(suffix)))
 
-    def _cancel(self) -> None:
-        self._job.cancel()
-        self._page.say("Cancelled.")
-
-    def _film(self, filming: Filming, cancel: Cancel) -> Path:
+    def _film(self, filming: Filming, cancel: Cancel) -> None:
         """Scrub through the take, and let the browser draw each picture."""
         rate = find_rate(filming.path)
         pictures = self._draw(filming, rate, ProgressMonitor(cancel=cancel))
         write_video(pictures, rate, filming.path)
-        return filming.path
 
     def _draw(self, filming: Filming, rate: int, monitor: ProgressMonitor) -> Iterator[np.ndarray]:
         timeline, take = self._page.timeline, filming.take

@@ -5,41 +5,40 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import copytree, rmtree
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 from humanoid_getup.commands.files import shorten_path
 from humanoid_getup.commands.get_up.rise import RiseRequest, rise
-from humanoid_getup.commands.options import Prefer, write_command
+from humanoid_getup.commands.options import write_command
 from humanoid_getup.commands.output_files import staging
+from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.plain_text import make_block, name_side
 from humanoid_getup.studio.takes import make_rise_take
 from robots import Posture
 from robots.description.posture_file import format_posture
 from robots.kinematics import read_posture
-from robots.servo import LimitMode
 from robots.storage.files import write_atomically
 
 if TYPE_CHECKING:
     import viser
 
     from humanoid_getup.commands.get_up.results import FinishedRise
-    from humanoid_getup.progress.worker import BackgroundJob
     from humanoid_getup.studio.page import Page
     from humanoid_getup.studio.takes import Take
 
-OWN, THE_PLAN, NOTHING = "the robot's own", "the plan", "nothing"
+THE_PLAN, NOTHING = "the plan", "nothing"
 NO_RISES: tuple[str, ...] = (NOTHING,)
 GHOSTS: tuple[str, ...] = (THE_PLAN, NOTHING)
 APART = 1.0  # standing neck heights between two rises that are shown side by side
 MOST_KEPT = 12
 """Number of rises that can be compared."""
-PREFER = "What a rise should be besides successful: quick, of little torque, gentle or robust."
-LIMIT = "Of every servo; 0 for none but the servo's own."
-LIMITED = (
-    "Register by which servos limit torque: goal current, or PWM; ideal caps the torque itself."
-)
-BUDGET = "Simulated time in which the search may vary a rise that does not stand yet."
-ATTEMPTS = "Tries until the robot stands, each with a plan from where it lies then."
+OPTIONS = {
+    "prefer": "Prefer",
+    "torque_limit": "Torque limit",
+    "limit_by": "Limited by",
+    "search_budget": "Search budget",
+    "attempts": "Attempts",
+}
 GHOST = "What is drawn translucent beside the rise."
 START, KEY = "start.json", "key_{}.json"
 
@@ -50,8 +49,12 @@ class ListedRise:
 
     take: Take
     request: RiseRequest
-    folder: Path
-    """Folder of its files."""
+
+    @property
+    def folder(self) -> Path:
+        """Return the folder of its files."""
+        assert self.request.out is not None
+        return self.request.out
 
 
 class PlanTab:
@@ -61,21 +64,15 @@ class PlanTab:
         self._page, gui = page, page.gui
         self._keys: list[Posture] = []
         self._kept: dict[str, ListedRise] = {}
-        self._job: BackgroundJob[FinishedRise] | None = None
+        busy = "a rise is being planned, expected its end"
+        self._job = page.add_job(rise, self._keep, busy=busy)
         self._count = 0
-        self._prefer = gui.add_dropdown("Prefer", get_args(Prefer), hint=PREFER)
-        self._limit = gui.add_number("Torque limit [N·m]", 0.0, min=0.0, step=0.1, hint=LIMIT)
-        self._limit_by = gui.add_dropdown("Limited by", (OWN, *get_args(LimitMode)), hint=LIMITED)
-        self._budget = gui.add_number(
-            "Search budget [s]", RiseRequest.search_budget, min=1.0, step=1.0, hint=BUDGET
-        )
-        self._attempts = gui.add_slider("Attempts", 1, 5, 1, 1, hint=ATTEMPTS)
+        self._form = Form(gui, RiseRequest, OPTIONS, attempts=1)
         with gui.add_folder("Key postures"):
             self._listed = gui.add_markdown("")
             page.add_button("Grab key", self._grab)
             page.add_button("Remove last key", self._drop_key)
-        self._plan = page.add_button("Plan", self._begin, main=True)
-        self._cancel = page.add_button("Cancel", self._end, disabled=True)
+        page.add_job_buttons("Plan", self._begin, self._job)
         with gui.add_folder("Rises"):
             self._shown: viser.GuiDropdownHandle[str] = gui.add_dropdown("Show", NO_RISES)
             self._ghost: viser.GuiDropdownHandle[str] = gui.add_dropdown(
@@ -117,16 +114,12 @@ class PlanTab:
 
     def _begin(self) -> None:
         """Plan from the posture of the page, play on the twin, and judge."""
-        if self._job is not None and self._job.is_running:
-            raise ValueError("a rise is being planned, expected its end, or Cancel first")
+        self._job.check()
         self._count += 1
         folder = self._page.scratch / f"rise_{self._count}"
         request = self._make_request(folder)
         request.check()
-        self._plan.disabled, self._cancel.disabled = True, False
-        self._job = self._page.run(
-            rise, request, lambda done: self._keep(done, request, folder), over=self._rest
-        )
+        self._job.ask(request)
 
     def _make_request(self, folder: Path) -> RiseRequest:
         """Make the request, and write its start and key postures into its folder."""
@@ -144,22 +137,11 @@ class PlanTab:
             seed=given.seed,
             origin=str(folder / START),
             key=tuple(str(folder / name) for name in files if name != START),
-            prefer=self._prefer.value,
-            search_budget=float(self._budget.value),
-            torque_limit=float(self._limit.value) or None,
-            limit_by=None if self._limit_by.value == OWN else self._limit_by.value,
-            attempts=int(self._attempts.value),
             out=folder,
+            **self._form.read(),
         )
 
-    def _end(self) -> None:
-        if self._job is not None:
-            self._job.cancel()
-
-    def _rest(self) -> None:
-        self._plan.disabled, self._cancel.disabled = False, True
-
-    def _keep(self, done: FinishedRise, request: RiseRequest, folder: Path) -> None:
+    def _keep(self, request: RiseRequest, done: FinishedRise) -> None:
         """Show a rise, and list it."""
         result = done.rise
         ended = f"stands at {done.report.stand_time_s:.1f} s" if result.stood else "does not stand"
@@ -167,7 +149,7 @@ class PlanTab:
         take = make_rise_take(self._page.world, result, name)
         if take is None:
             raise ValueError(f"nothing was played: {result.reason}")
-        self._kept[name] = ListedRise(take=take, request=request, folder=folder)
+        self._kept[name] = ListedRise(take=take, request=request)
         while len(self._kept) > MOST_KEPT:
             rmtree(self._kept.pop(next(iter(self._kept))).folder)
         self._shown.options = tuple(self._kept)

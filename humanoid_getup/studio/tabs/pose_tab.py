@@ -136,7 +136,7 @@ class PoseTab:
         self._figures = ""
         shown = {"Show start": self._show_start, "Take over": self._take_over}
         add_button_row(page, "Start posture", shown)
-        self._drops = page.run_latest(self._settle, self._show_settled)
+        self._drops = page.add_job(self._settle, self._show_settled, apart=False)
         page.timeline.when_shown.append(self._describe)
         with gui.add_folder("Fall"):
             FallList(page)
@@ -206,7 +206,7 @@ class PoseTab:
         with refusing():
             return drop_from(self._page.world, posture)
 
-    def _show_settled(self, fall: Fall) -> None:
+    def _show_settled(self, _: Posture, fall: Fall) -> None:
         self._page.pose(fall.posture)
         self._page.say(f"Dropped, it settled {name_side(fall.start_class)}.")
 
@@ -239,6 +239,7 @@ class FallList:
         self._page, gui = page, page.gui
         self._falls: list[Fall] = []
         self._number = self._sampled = 0
+        self._job = page.add_job(sample_starts, self._show_all)
         self._side = gui.add_dropdown("Class", CLASSES, hint=CLASS)
         self._seed = gui.add_number("Seed", page.request.seed, min=0, step=1, hint=SEED)
         self._count = gui.add_number("Falls", 1, min=1, max=MOST_FALLS, step=1, hint=FALLS)
@@ -247,17 +248,12 @@ class FallList:
         add_button_row(page, "Step", step)
 
     def _sample(self) -> None:
-        seed = int(self._seed.value)
-        request = FallsToSample(
-            options=replace(self._page.request, seed=seed),
-            side=self._side.value,
-            count=int(self._count.value),
-        )
+        options = replace(self._page.request, seed=int(self._seed.value))
         self._page.say("Robots fall …")
-        self._page.run(sample_starts, request, lambda falls: self._show_all(falls, seed))
+        self._job.ask((options, self._side.value, int(self._count.value)))
 
-    def _show_all(self, falls: list[Fall], seed: int) -> None:
-        self._falls, self._sampled, self._number = falls, seed, 0
+    def _show_all(self, request: FallsToSample, falls: list[Fall]) -> None:
+        self._falls, self._sampled, self._number = falls, request[0].seed, 0
         self._show()
 
     def _step(self, way: int) -> None:

@@ -15,7 +15,6 @@ from humanoid_getup.commands.options import write_command
 from humanoid_getup.commands.plan.extract_style import ExtractRequest, extract_style
 from humanoid_getup.commands.policies import list_styled_policies
 from humanoid_getup.motions.motion_database import list_motions
-from humanoid_getup.progress.callback import Cancel
 from humanoid_getup.studio.boards.curve_board import CurveBoard, PointDrag
 from humanoid_getup.studio.boards.plot_board import BoardSwitch
 from humanoid_getup.studio.folders import containing
@@ -26,6 +25,7 @@ from humanoid_getup.studio.follow_style import (
     StyledTwin,
     measure_start,
 )
+from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.takes import make_rollout_take
@@ -49,7 +49,6 @@ STYLES = "A named style, or a style file below --folder."
 CURVES = "Those of one way of lying, which are edited."
 BY_STEP = "Time by which Sooner and Later move the rise, and for which Hold holds."
 HELD = "Time from which Hold holds what the robot does."
-FINISHED = "Let the last point be a stand where the source does not end in one."
 STYLE_KEY = re.compile(b"neck_height")  # in every style file
 
 
@@ -67,9 +66,13 @@ class StyleTab:
         )
         """Where its curves are dragged."""
         self._twin = StyledTwin(page.world)
-        self.rollouts = page.run_latest(self._twin.roll_out, self._show_rollout)
+        self.rollouts = page.add_job(self._twin.roll_out, self._show_rollout, apart=False)
         """Rises that follow it."""
-        self._extractions = page.run_latest(_extract, self._show_extracted)
+        self._extractions = page.add_job(
+            lambda request, cancel: extract_style(request, cancel=cancel),
+            self._show_extracted,
+            apart=False,
+        )
         self._asked_at = -math.inf
         self.editor = StyleEditor(page.world.robot, self._load(list_styles()[0]))
         """The style that is edited."""
@@ -97,7 +100,7 @@ class StyleTab:
             self._add_point()
         with gui.add_folder("Curves from"):
             self._source = gui.add_dropdown("Source", self._list_sources())
-            self._finish = gui.add_checkbox("End in a stand", False, hint=FINISHED)
+            self._form = Form(gui, ExtractRequest, {"finish": "End in a stand"})
             self._page.add_button("Take curves", self._extract)
         with gui.add_folder("Style file"):
             self._file = gui.add_text("File", f"style{SUFFIX}")
@@ -186,13 +189,13 @@ class StyleTab:
         request = ExtractRequest(
             robot=self._page.request.robot,
             source=source,
-            finish=self._finish.value,
             out=self._page.scratch / f"{Path(name).stem}{SUFFIX}",
+            **self._form.read(),
         )
         self._page.say(f"Curves of {name} are extracted …")
         self._extractions.ask(request)
 
-    def _show_extracted(self, style: Style) -> None:
+    def _show_extracted(self, _: ExtractRequest, style: Style) -> None:
         self._begin(style)
         self._page.say(f"Curves {style.about}.")
 
@@ -306,11 +309,11 @@ class StyleTab:
         request = RolloutRequest(policy=self._policy.value, start=self._page.start, style=style)
         self.rollouts.ask(request, at_once=at_once)
 
-    def _show_rollout(self, rollout: StyledRollout) -> None:
+    def _show_rollout(self, _: RolloutRequest, rollout: StyledRollout) -> None:
         """Play a rollout, and draw what it followed over the curves that are edited."""
         take = make_rollout_take(rollout)
         self._page.timeline.load(take)
-        _, is_mirrored = self.editor.style.find(rollout.measured[0])
+        is_mirrored = self.editor.style.find(rollout.measured[0])[1]
         self.board.show_followed(
             rollout.time,
             mirror_features(rollout.measured) if is_mirrored else rollout.measured,
@@ -353,10 +356,6 @@ class StyleTab:
         name = _name(followed, editor.style.curves[followed].start)
         these = "these" if followed == editor.chosen else f"'{escape(name)}'"
         return f"{text}. From this start it follows {these}{mirrored}."
-
-
-def _extract(request: ExtractRequest, cancel: Cancel) -> Style:
-    return extract_style(request, cancel=cancel)
 
 
 def _name(number: int, start: str) -> str:

@@ -7,14 +7,33 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from waiting import wait_until
 
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
-from humanoid_getup.progress.worker import BackgroundJob, JobEnd, LatestJob, passing_reports, report
+from humanoid_getup.progress.worker import passing_reports, report
+from humanoid_getup.studio.jobs import Job
 
 TIMEOUT = 60.0  # s; a wait ends with its event
+
+
+class Apart(Job[Any, Any]):
+    """Work in a process of its own, and how it ended."""
+
+    def __init__(
+        self, work: Callable[..., Any], report: Callable[[Progress], None] = print, **options: str
+    ) -> None:
+        self.ends = list[Any]()
+        super().__init__(work, lambda _, end: self.ends.append(end), report, **options)
+
+    def do(self, request: object) -> Any:
+        self.ask(request)
+        assert self.wait(TIMEOUT)
+        (end,) = self.ends
+        return end
 
 
 def double(request: int, report: Callable[[Progress], None], cancel: Callable[[], bool]) -> int:
@@ -45,11 +64,12 @@ def ignore(_: object, report: Callable[[Progress], None], *__: object) -> None:
 
 
 def test_a_job_reports_its_progress_and_its_result():
-    seen, ends = list[Progress](), list[JobEnd[int]]()
-    job = BackgroundJob(double, 21, report=seen.append, ended=ends.append)
-    assert job.wait(TIMEOUT) == JobEnd(result=42)
+    seen, changes = list[Progress](), list[bool]()
+    job = Apart(double, seen.append)
+    job.when_changed.append(changes.append)
+    assert job.do(21) == 42
     assert seen == [Progress(phase="doubling"), Progress(message="easy")]
-    assert ends == [JobEnd(result=42)]
+    assert changes == [True, False]
     assert not job.is_running
 
 
@@ -60,14 +80,13 @@ def nest(_: object, receive: Callable[[Progress], None], *__: object) -> None:
 
 def test_a_job_passes_on_what_its_pieces_report():
     seen = list[Progress]()
-    assert BackgroundJob(nest, None, report=seen.append).wait(TIMEOUT) == JobEnd(result=None)
+    assert Apart(nest, seen.append).do(None) is None
     assert seen == [Progress(phase="piece")]
 
 
 @pytest.mark.parametrize(("work", "problem"), [(fail, "no such robot"), (die, "process ended")])
 def test_a_job_that_fails_or_is_killed_says_so(work: Callable[..., None], problem: str):
-    end = BackgroundJob(work, "no such robot").wait(TIMEOUT)
-    assert problem in end.problem
+    assert problem in str(Apart(work).do("no such robot"))
 
 
 @pytest.mark.parametrize("work", [obey, ignore])
@@ -78,10 +97,14 @@ def test_a_cancelled_job_ends_even_if_it_does_not_listen(work: Callable[..., Non
         phases.append(progress.phase)
         begun.set()
 
-    job = BackgroundJob(work, None, report=note)
+    job = Apart(work, note, busy="it works, expected its end")
+    job.ask(None)
     assert begun.wait(TIMEOUT)
+    with pytest.raises(BadInputError, match="it works, expected its end, or Cancel first"):
+        job.ask(None)
     job.cancel()
-    assert job.wait(TIMEOUT) == JobEnd(cancelled=True)
+    assert job.wait(TIMEOUT)
+    assert [type(end) for end in job.ends] == [CancelledError]
     if work is ignore:
         with pytest.raises(ProcessLookupError):
             os.kill(int(phases[0]), 0)
@@ -98,11 +121,11 @@ def hold(file: str, report: Callable[[Progress], None], *_: object) -> None:
 
 PARENT = """
 import sys, threading
-from test_worker import hold
-from humanoid_getup.progress.worker import BackgroundJob
+from test_jobs import hold
+from humanoid_getup.studio.jobs import Job
 
 if __name__ == "__main__":
-    BackgroundJob(hold, sys.argv[1], report=lambda progress: print(progress.phase, flush=True))
+    Job(hold, print, lambda progress: print(progress.phase, flush=True)).ask(sys.argv[1])
     threading.Event().wait()
 """
 
@@ -129,8 +152,8 @@ class Bench:
 
     def __init__(self) -> None:
         self.begun, self.go = threading.Semaphore(0), threading.Semaphore(0)
-        self.ends: list[JobEnd[str]] = []
-        self.job = LatestJob[str, str](self.work, self.ends.append)
+        self.ends = list[str | Exception]()
+        self.job = Job[str, str](self.work, lambda _, end: self.ends.append(end))
 
     def work(self, request: str, cancel) -> str:
         self.begun.release()
@@ -141,11 +164,11 @@ class Bench:
             raise ValueError("it is bad, expected better")
         return request.upper()
 
-    def finish(self) -> list[str | None]:
+    def finish(self) -> list[str | Exception]:
         for _ in range(9):
             self.go.release()
         assert self.job.wait(LONGEST)
-        return [end.result for end in self.ends]
+        return self.ends
 
 
 def test_requests_that_wait_replace_each_other():
@@ -170,33 +193,4 @@ def test_an_error_is_an_end_and_the_next_request_is_done():
     bench.job.ask("bad", at_once=False)
     assert bench.begun.acquire(timeout=LONGEST)
     bench.job.ask("good", at_once=False)
-    assert bench.finish() == [None, "GOOD"]
-    assert bench.ends[0].problem == "it is bad, expected better"
-
-
-@pytest.mark.parametrize(
-    ("progress", "line"),
-    [
-        (Progress(phase="planning a path"), "planning a path"),
-        (Progress(phase="rises", done=2, total=3), "rises 2 of 3"),
-        (
-            Progress(phase="varying [s]", done=7.6, total=60.0, note="9 rollouts"),
-            "varying [s] 8 of 60, 9 rollouts",
-        ),
-        (Progress(message="found"), "found"),
-    ],
-)
-def test_progress_is_one_line(progress: Progress, line: str):
-    assert str(progress) == line
-
-
-def test_work_that_is_cancelled_ends_with_the_next_piece():
-    cancel = threading.Event()
-    seen: list[Progress] = []
-    monitor = ProgressMonitor(seen.append, cancel.is_set)
-    monitor.begin("reading")
-    cancel.set()
-    for go_on in (lambda: monitor.tell("found"), monitor.check, lambda: monitor.begin("more")):
-        with pytest.raises(CancelledError):
-            go_on()
-    assert [each.message for each in seen] == ["", "found", ""]
+    assert list(map(str, bench.finish())) == ["it is bad, expected better", "GOOD"]

@@ -160,11 +160,6 @@ def observe_style(targets: Array, features: Array) -> tuple[Array, Array]:
     return (targets - UPRIGHT).reshape(flat), features - UPRIGHT
 
 
-def mirror_of_actions(robot: Robot, action: ActionSpec) -> Mirror:
-    """Build the exchange of left and right in actions."""
-    return Mirror(np.arange(action.size), action.mirror_sign(robot))
-
-
 def mirror_of_observation(robot: Robot, memory: Mirror, style: StyleInput | None = None) -> Mirror:
     """Build the exchange of left and right in observations, from that in a policy's memory."""
     joints = Mirror(robot.mirror_index, robot.mirror_sign)

@@ -8,7 +8,7 @@ import numpy as np
 
 from humanoid_getup.playback.balance import find_ankles
 from humanoid_getup.policy.action import ActionSpec
-from humanoid_getup.policy.observation import UPRIGHT, Mirror, mirror_of_actions
+from humanoid_getup.policy.observation import UPRIGHT, Mirror
 from humanoid_getup.simulation.world import World
 from humanoid_getup.style.curve_tracker import CurveTracker
 from robots import Robot
@@ -23,7 +23,7 @@ class DirectHead:
 
     def __init__(self, robot: Robot, action: ActionSpec) -> None:
         self.names = action.names
-        self.mirror = mirror_of_actions(robot, action)
+        self.mirror = Mirror(np.arange(action.size), action.mirror_sign(robot))
 
     def act(
         self, outputs: Array, _memory: Array, _tracker: CurveTracker | None

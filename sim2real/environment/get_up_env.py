@@ -34,7 +34,7 @@ from sim2real.environment.episodes import (
     Episodes,
     LevelCurriculum,
 )
-from sim2real.environment.rewards import RewardInputs, list_critic_terms, observe_privileged, score
+from sim2real.environment.rewards import RewardInputs, list_critic_terms, score
 from sim2real.environment.starts import StartPool, list_motion_starts, sample_stands
 from sim2real.environment.style_task import StyleTask
 from sim2real.environment.training_simulation import TrainingSim
@@ -335,5 +335,9 @@ class GetUpEnv(VectorEnv):
         self._levels.restore_state(state["levels"])
 
     def _observe_privileged(self, observation: Floats) -> Floats:
-        state, held = self.sim.measure_privileged_state(), self.episodes.held * self.step_time
-        return observe_privileged(self._critic_terms, observation, state, self.sim.parameters, held)
+        """Add each term, and the time of standing [s], to the policies' observations, (N, size)."""
+        state, parameters = self.sim.measure_privileged_state(), self.sim.parameters
+        parts = [term.read(state, parameters) for term in self._critic_terms]
+        parts.append(self.episodes.held * self.step_time)
+        columns = [observation, *(part.reshape(self.num_envs, -1) for part in parts)]
+        return np.concatenate(columns, axis=1, dtype=FLOAT, casting="same_kind")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances import MOST_DELAY
-from humanoid_getup.policy.observation import ROTATION, SAME, VECTOR, Floats, Mirror
+from humanoid_getup.policy.observation import ROTATION, SAME, VECTOR, Mirror
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import Robot
 from robots.quaternion import Array
@@ -82,20 +82,6 @@ def list_critic_terms(robot: Robot) -> tuple[CriticTerm, ...]:
         CriticTerm(lambda _, p: p.action_delay / MOST_DELAY, SAME),
         CriticTerm(lambda _, p: p.sensor_delay / MOST_DELAY, SAME),
     )
-
-
-def observe_privileged(
-    terms: Sequence[CriticTerm],
-    observation: Floats,
-    state: PrivilegedState,
-    parameters: DomainParameters,
-    held: NDArray[np.floating[Any]],
-) -> Floats:
-    """Concatenate the policy's observation, each term and the time of standing [s], (N, size)."""
-    n = len(observation)
-    parts = (*(term.read(state, parameters) for term in terms), held)
-    columns = (part.reshape(n, -1) for part in parts)
-    return np.concatenate((observation, *columns), axis=1, dtype=np.float32, casting="same_kind")
 
 
 HEIGHT_WEIGHT = 2.5  # 1.7 per meter in the paper, whose human's neck is at 1.46 m

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterator
 from dataclasses import MISSING, Field, dataclass, fields, make_dataclass
 from functools import cache
 from pathlib import Path
@@ -78,7 +79,10 @@ class CommandRequest:
 
     def find_problems(self) -> list[str]:
         """Report all problems beyond the type and range of single values."""
-        return find_output_problems(self)
+        return [*self._find_problems()]
+
+    def _find_problems(self) -> Iterator[str]:
+        yield from find_output_problems(self)
 
     def check(self) -> None:
         """Check that the request can be done."""
@@ -102,18 +106,16 @@ class BodyOption(CommandRequest):
     """Another body of a simulated robot: factors on the lengths of shoulders, arms, torso or legs,
     such as arms=1.6,torso=2.2. Masses and inertias follow; servos stay the same."""
 
-    def find_problems(self) -> list[str]:
-        """Report an impossible body as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if not self.body:
-            return problems
+            return
         from robots import Body, BodyError  # imports numpy, which --help does without
 
         try:
             Body.parse(self.body)
         except BodyError as error:
-            problems.append(f"--{error}")
-        return problems
+            yield f"--{error}"
 
     def refuse_body(self, reason: str) -> list[str]:
         """Report a body for work that permits only the original one."""
@@ -152,14 +154,12 @@ class EngineOptions(CommandRequest):
     """Address of a running Dask scheduler; default: a cluster on this machine, which ends with the
     work."""
 
-    def find_problems(self) -> list[str]:
-        """Report an unknown engine as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         try:
             Engine.parse(self.engine, self.address)
         except ValueError as error:
-            problems.append(f"--{error}")
-        return problems
+            yield f"--{error}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,15 +236,13 @@ class BackendOptions(SceneOptions):
     realtime: bool = False
     """Run a simulated robot in real time."""
 
-    def find_problems(self) -> list[str]:
-        """Report wrong ports as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.backend == "twin" and self.port:
             ports = ", ".join(self.port)
-            problems.append(f"--port is {ports}, expected --backend virtual or dynamixel with it")
+            yield f"--port is {ports}, expected --backend virtual or dynamixel with it"
         if self.backend == "dynamixel" and not self.port:
-            problems.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
-        return problems
+            yield f"--backend dynamixel requires --port, {PORT_EXAMPLE}"
 
     @property
     def is_real(self) -> bool:
@@ -263,15 +261,13 @@ class OriginOption(BackendOptions):
 
     origin: Origin = None
 
-    def find_problems(self) -> list[str]:
-        """Report a start that is chosen for a real robot as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.is_real and self.origin is not None:
-            problems.append(
+            yield (
                 f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "
                 "lies"
             )
-        return problems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -290,9 +286,10 @@ class ServiceOptions(JsonOption, RobotOption):
     port: Ports = ()
     """Serial port; of a robot with several, NAME=PATH of each."""
 
-    def find_problems(self) -> list[str]:
-        """Report missing ports as well."""
-        return super().find_problems() + ([] if self.port else [NO_PORT])
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        if not self.port:
+            yield NO_PORT
 
 
 def write_command(name: str, request: CommandRequest) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -33,12 +34,10 @@ class FallRequest(BodyOption, SceneOptions):
     out: Annotated[Path | None, WRITTEN, arg(metavar="FILE.json")] = None
     """Posture file to write."""
 
-    def find_problems(self) -> list[str]:
-        """Report a posture that is written nowhere as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.out is None and not getattr(self, "json", None):
-            problems.append("--out is missing, expected a posture file to write, or --json -")
-        return problems
+            yield "--out is missing, expected a posture file to write, or --json -"
 
 
 @command("fall", json=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -47,18 +48,14 @@ class MoveOptions(TorqueOptions, ViewOptions):
     video: Annotated[Path | None, WRITTEN, arg(metavar="FILE.mp4|.gif|.webp")] = None
     """Video of how it moved; MP4 requires humanoid-getup[studio]."""
 
-    def find_problems(self) -> list[str]:
-        """Report a wrong torque limit, body or video as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.video is not None and self.video.suffix.lower() not in VIDEOS:
-            problems.append(
-                f"--video is {self.video}, expected a name ending in {', '.join(VIDEOS)}"
-            )
+            yield (f"--video is {self.video}, expected a name ending in {', '.join(VIDEOS)}")
         if self.backend != "twin" and self.limit_by == "ideal":
-            problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
+            yield "--limit-by is ideal, which no servo can, expected current or pwm"
         if self.backend == "dynamixel" and isinstance(self, BodyOption):
-            problems += self.refuse_body(A_REAL_ROBOT)
-        return problems
+            yield from self.refuse_body(A_REAL_ROBOT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,19 +79,17 @@ class GetUpOptions(MoveOptions, OriginOption):
         """Return the number of attempts before giving up."""
         return 1
 
-    def find_problems(self) -> list[str]:
-        """Report a wrong start as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.at is not None and not all(math.isfinite(value) for value in self.at):
-            problems.append(f"--at is {self.at}, expected three finite numbers")
+            yield f"--at is {self.at}, expected three finite numbers"
         if self.at is not None and not self.is_real:
-            problems.append("--at is given, expected a real robot: a simulated one knows its place")
+            yield "--at is given, expected a real robot: a simulated one knows its place"
         if self.is_real and self.at is None and self.scene != "flat":
-            problems.append(f"--scene {self.scene} on a real robot requires --at X,Y,DEG")
+            yield f"--scene {self.scene} on a real robot requires --at X,Y,DEG"
         is_simulated = self.backend != "dynamixel"
         if self.needs_origin and is_simulated and not self.is_real and self.origin is None:
-            problems.append(NO_ORIGIN)
-        return problems
+            yield NO_ORIGIN
 
     @property
     def ending(self) -> Literal["hold", "sit", "limp", "hand-over"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -31,24 +32,17 @@ class PlayRequest(BodyOption, GetUpOptions):
     """Play it with a robot that has no IMU: open loop; whether it stands is unknown. Where it is
     held in the end, a key press switches torque off."""
 
-    def find_problems(self) -> list[str]:
-        """Report an option that does not fit the backend as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.is_real and not self.preflight:
-            problems.append("--no-preflight requires a simulated robot")
-        return problems + (self._find_blind_problems() if self.without_imu else [])
-
-    def _find_blind_problems(self) -> list[str]:
-        """Report options that require an orientation."""
-        problems = []
-        if self.then not in (None, "hold", "limp"):
-            problems.append(
+            yield "--no-preflight requires a simulated robot"
+        if self.without_imu and self.then not in (None, "hold", "limp"):
+            yield (
                 f"--then is {self.then}, expected hold or limp with --without-imu: it is "
                 "unknown whether the robot stands"
             )
-        if self.scene != "flat":
-            problems.append(f"--scene is {self.scene}, expected flat with --without-imu")
-        return problems
+        if self.without_imu and self.scene != "flat":
+            yield f"--scene is {self.scene}, expected flat with --without-imu"
 
 
 @command("play", json=FinishedRise.describe, person=watch_key, in_lines=True)

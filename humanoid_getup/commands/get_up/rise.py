@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -44,30 +45,23 @@ class RiseRequest(BodyOption, PlannerOptions, GetUpOptions):
         """Return the number of attempts before giving up."""
         return self.attempts
 
-    def find_problems(self) -> list[str]:
-        """Report options that do not fit the backend or each other as well."""
-        problems = super().find_problems() + self._find_unused()
-        if self.is_real and not self.filtering:
-            problems.append("--no-filtering requires a simulated robot")
-        return problems
-
-    def _find_unused(self) -> list[str]:
-        """Report options of plans given for a policy, and the reverse."""
-        problems = []
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.method == "plan" and self.policy is not None:
-            problems.append(f"--policy is {self.policy}, expected --method policy or auto with it")
+            yield f"--policy is {self.policy}, expected --method policy or auto with it"
         named = self.name_objective()
         if named and self.method == "policy":
-            problems.append(f"{named}: expected --method plan or auto with it")
+            yield f"{named}: expected --method plan or auto with it"
         if self.style is not None and self.method != "policy":
-            problems.append(f"--style is {self.style}, expected --method policy with it")
+            yield f"--style is {self.style}, expected --method policy with it"
         if self.method == "policy":
-            problems += self.refuse_body(A_POLICY)
+            yield from self.refuse_body(A_POLICY)
         if self.key and not (self.method == "plan" and self.planning and self.filtering):
-            problems.append("--key: expected --method plan with it, planning and filtering")
+            yield "--key: expected --method plan with it, planning and filtering"
         if named and not self.filtering:
-            problems.append(f"{named}: expected filtering, not --no-filtering")
-        return problems
+            yield f"{named}: expected filtering, not --no-filtering"
+        if self.is_real and not self.filtering:
+            yield "--no-filtering requires a simulated robot"
 
 
 @command("rise", json=FinishedRise.describe, person=watch_key, in_lines=True)

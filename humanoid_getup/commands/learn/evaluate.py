@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -112,10 +112,10 @@ class EvaluateRequest(EngineOptions, TorqueOptions, SceneOptions):
     ) = None
     """Model variant to evaluate in; default: the physics of training."""
 
-    def find_problems(self) -> list[str]:
-        """Report files that cannot be written as well."""
-        problems = super().find_problems()
-        return problems if self.falls is None else problems + find_file_problems(self.falls)
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        if self.falls is not None:
+            yield from find_file_problems(self.falls)
 
 
 class EvaluatedCase(msgspec.Struct, frozen=True, kw_only=True):

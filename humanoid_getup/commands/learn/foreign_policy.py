@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -53,13 +54,11 @@ class ImportPolicyRequest(RobotOption):
     gain: Annotated[float | None, between(1e-3, 1e4, "N·m/rad"), arg(metavar="N·m/rad")] = None
     """Position gain of all joints in its training [N·m/rad]; default: what is described."""
 
-    def find_problems(self) -> list[str]:
-        """Report names without an equals sign as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         wrong = [pair for pair in self.rename if len(pair.split("=")) != 2 or "" in pair.split("=")]
         if wrong:
-            problems.append(f"--rename is {', '.join(wrong)}, expected THEIRS=OURS,...")
-        return problems
+            yield f"--rename is {', '.join(wrong)}, expected THEIRS=OURS,..."
 
 
 class DescribedField(msgspec.Struct, frozen=True, kw_only=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -75,12 +75,10 @@ class BenchRise(EngineOptions, PlannerOptions, BodyOption, SceneOptions):
     resume: bool = False
     """Keep the finished rises of the ledger; they must be of the same benchmark."""
 
-    def find_problems(self) -> list[str]:
-        """Report a benchmark that keeps nothing to resume as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.resume and self.ledger is None:
-            problems.append("--resume is given without --ledger, expected the file of the rises")
-        return problems
+            yield "--resume is given without --ledger, expected the file of the rises"
 
 
 @command(

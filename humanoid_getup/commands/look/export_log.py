@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -42,9 +43,9 @@ class ExportLogRequest(RobotOption):
         """Return the name of the bag."""
         return self.rosbag2.resolve().name or "bag"
 
-    def find_problems(self) -> list[str]:
-        """Report a folder that is not new as well."""
-        return super().find_problems() or find_new_folder_problems(self.rosbag2, "--rosbag2")
+    def _find_problems(self) -> Iterator[str]:
+        problems = [*super()._find_problems()]
+        yield from problems or find_new_folder_problems(self.rosbag2, "--rosbag2")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -33,11 +34,10 @@ class StudioRequest(BodyOption, SceneOptions):
     """Folders in which the page may read and write files, besides the robot's own, which it
     reads."""
 
-    def find_problems(self) -> list[str]:
-        """Report folders that do not exist as well."""
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         missing = [folder for folder in self.folder if not folder.is_dir()]
-        problems = [f"--folder {folder}: expected an existing folder" for folder in missing]
-        return super().find_problems() + problems
+        yield from (f"--folder {folder}: expected an existing folder" for folder in missing)
 
 
 @program("studio")

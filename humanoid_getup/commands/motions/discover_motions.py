@@ -75,8 +75,8 @@ class DiscoverRequest(RobotOption):
     picture: Annotated[Path | None, PICTURE, arg(metavar="FILE.png")] = None
     """Picture of the motions to write; default: ROBOT_motions.png."""
 
-    def find_problems(self) -> list[str]:
-        """Report options of a search with a policy, and the reverse, as well."""
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         of_search = {
             "--budget": self.budget,
             "--resume": self.resume or None,
@@ -84,8 +84,7 @@ class DiscoverRequest(RobotOption):
         }
         wrong, state = (of_search, "with") if self.policy else ({"--rises": self.rises}, "without")
         given = [name for name, value in wrong.items() if value is not None]
-        problems = [f"{name} is given, expected none {state} a policy" for name in given]
-        return super().find_problems() + problems
+        yield from (f"{name} is given, expected none {state} a policy" for name in given)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -38,17 +39,13 @@ class ExportMotionRequest(RobotOption):
     approach: Annotated[float, between(0.0, 60.0, "s"), arg(metavar="S")] = 2.0
     """Time in which the joints go from where they are to the motion's first targets [s]."""
 
-    def find_problems(self) -> list[str]:
-        """Report a file of another kind as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if (self.trajectory is None) == (self.csv is None):
-            problems.append("expected either --trajectory or --csv, a file to write")
+            yield "expected either --trajectory or --csv, a file to write"
         if self.trajectory is not None and self.trajectory.suffix not in TRAJECTORY_SUFFIXES:
             expected = name_choices(TRAJECTORY_SUFFIXES)
-            problems.append(
-                f"--trajectory is {self.trajectory}, expected a name that ends with {expected}"
-            )
-        return problems
+            yield (f"--trajectory is {self.trajectory}, expected a name that ends with {expected}")
 
 
 @dataclass(frozen=True, kw_only=True)

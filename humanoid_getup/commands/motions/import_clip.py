@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -73,23 +74,24 @@ class ClipRequest(RobotOption):
         """Return the file to write."""
         return self.out or Path(f"{self.motion_name}{SUFFIX}")
 
-    def find_problems(self) -> list[str]:
-        """Report wrong files, times in the wrong order, and a wrong output as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         kinds = [file.suffix.lower() for file in self.files]
         if kinds not in ([".bvh"], [".amc"], [".asf", ".amc"]):
             given = " ".join(map(str, self.files)) or "missing"
-            return [*problems, f"the clip is {given}, expected {CLIPS}"]
+            yield f"the clip is {given}, expected {CLIPS}"
+            return
         if self.rate is not None and kinds == [".bvh"]:
-            problems.append("--rate is given, expected none with a .bvh file: it says its own")
+            yield "--rate is given, expected none with a .bvh file: it says its own"
         begin, end = self.begin or 0.0, math.inf if self.end is None else self.end
         if not 0.0 <= begin < math.inf or math.isnan(end):
-            problems.append(f"--begin is {begin:g} s, --end {end:g} s, expected times from 0 s on")
+            yield f"--begin is {begin:g} s, --end {end:g} s, expected times from 0 s on"
         elif not begin < end:
-            problems.append(f"--begin is {begin:g} s, expected before --end, {end:g} s")
+            yield f"--begin is {begin:g} s, expected before --end, {end:g} s"
         if self.target.suffix != SUFFIX:
-            problems.append(f"--out is {self.target}, expected a name that ends with {SUFFIX}")
-        return problems if self.out else problems + find_file_problems(self.target)
+            yield f"--out is {self.target}, expected a name that ends with {SUFFIX}"
+        if not self.out:
+            yield from find_file_problems(self.target)
 
 
 def describe(found: RetargetedClip) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -67,17 +67,12 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
     clip: bool = False
     """Clip angles outside a joint's range to its ends instead of refusing them."""
 
-    def find_problems(self) -> list[str]:
-        """Report impossible pages as well."""
-        problems = super().find_problems()
-        problems += [
-            f"--page is {page}, expected 1 to {MOST_PAGE}"
-            for page in self.page
-            if not 1 <= page <= MOST_PAGE
-        ]
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        wrong = (page for page in self.page if not 1 <= page <= MOST_PAGE)
+        yield from (f"--page is {page}, expected 1 to {MOST_PAGE}" for page in wrong)
         if self.name and len(self.page) > 1:
-            problems.append(f"--name is given with {len(self.page)} pages, expected one")
-        return problems
+            yield f"--name is given with {len(self.page)} pages, expected one"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -49,12 +50,10 @@ class ExtractRequest(StyleOutput):
     finish: bool = False
     """Let the last control point be a stand, however the source ends."""
 
-    def find_problems(self) -> list[str]:
-        """Report times in the wrong order as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.begin is not None and self.end is not None and not self.begin < self.end:
-            problems.append(f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s")
-        return problems
+            yield f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s"
 
 
 @command("style extract")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -64,12 +64,12 @@ class PlanRequest(BodyOption, SceneOptions):
     out: Annotated[Path | None, Written(FILES), arg(metavar="DIR")] = None
     """Folder for path.npz and strip.png."""
 
-    def find_problems(self) -> list[str]:
-        """Report a missing start, and --keep-partial without a folder, as well."""
-        problems = super().find_problems() + ([] if self.origin else [NO_ORIGIN])
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        if not self.origin:
+            yield NO_ORIGIN
         if self.keep_partial and self.out is None:
-            problems.append("--keep-partial: expected --out DIR with it, to save the path in")
-        return problems
+            yield "--keep-partial: expected --out DIR with it, to save the path in"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -45,10 +45,10 @@ class ShowStylesRequest(BodyOption, RobotOption):
     picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
     """Picture of the curves to write: each style's mean, and the spread over ways of lying."""
 
-    def find_problems(self) -> list[str]:
-        """Report missing styles as well."""
-        missing = "there is no STYLE, expected one or more names or files"
-        return super().find_problems() + ([] if self.styles else [missing])
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        if not self.styles:
+            yield "there is no STYLE, expected one or more names or files"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,12 +58,10 @@ class StyleOutput(BodyOption, RobotOption):
     out: Annotated[Path, WRITTEN, arg(metavar="FILE.toml")]
     """Style file to write; an existing file is replaced."""
 
-    def find_problems(self) -> list[str]:
-        """Report a file of another kind as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.out.suffix != SUFFIX:
-            problems.append(f"--out is {self.out}, expected a name that ends with {SUFFIX}")
-        return problems
+            yield f"--out is {self.out}, expected a name that ends with {SUFFIX}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,23 +84,19 @@ class EditStyleRequest(StyleOutput):
     hold: Annotated[tuple[float, float] | None, arg(metavar="AT,S")] = None
     """Time whose targets are held [s], and duration of the hold [s]."""
 
-    def find_problems(self) -> list[str]:
-        """Report contradicting or missing edits as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         for one, other in (("slower", "faster"), ("sooner", "later")):
             if getattr(self, one) is not None and getattr(self, other) is not None:
-                problems.append(f"--{one} and --{other} are given, expected one of them")
+                yield f"--{one} and --{other} are given, expected one of them"
         at, lasting = self.hold or (0.0, 1.0)
         if not (0.0 <= at < math.inf and 0.0 < lasting < math.inf):
-            problems.append(
+            yield (
                 f"--hold is {at:g},{lasting:g}, expected a time from 0 s and a duration above 0 s"
             )
         edits = (self.slower, self.faster, self.sooner, self.later, self.hold)
         if all(edit is None for edit in edits):
-            problems.append(
-                "no edit is given, expected --slower, --faster, --sooner, --later, --hold"
-            )
-        return problems
+            yield ("no edit is given, expected --slower, --faster, --sooner, --later, --hold")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

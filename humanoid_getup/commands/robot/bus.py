@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -85,14 +85,12 @@ class ServeBus(BodyOption, SceneOptions):
     latency: Annotated[float, between(0.0, 0.1, "s"), arg(metavar="S")] = 0.0
     """Latency timer of the USB adapter [s]; FTDI adapters: 0.016 as shipped."""
 
-    def find_problems(self) -> list[str]:
-        """Report a load without a bench as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if self.load is not None and not self.servos:
-            problems.append("--load needs --servos: it hangs from the servos of a bench")
+            yield "--load needs --servos: it hangs from the servos of a bench"
         if self.turn and self.hold is None:
-            problems.append("--turn needs --hold: a person turns joints of a robot that is held")
-        return problems
+            yield "--turn needs --hold: a person turns joints of a robot that is held"
 
 
 @program("bus")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -33,12 +34,11 @@ class ExportRobotRequest(TorqueOptions):
     ros2_control: Annotated[Path, FOLDER, arg(metavar="DIR")]
     """Folder to make; it must not exist or be empty."""
 
-    def find_problems(self) -> list[str]:
-        """Report a folder that is not new, and an ideal torque limit, as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        problems = [*super()._find_problems()]
         if self.limit_by == "ideal":
             problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
-        return problems or find_new_folder_problems(self.ros2_control, "--ros2-control")
+        yield from problems or find_new_folder_problems(self.ros2_control, "--ros2-control")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -48,14 +49,13 @@ class ImportRequest(CommandRequest):
         """Return the name of the robot."""
         return self.name or self.out.resolve().name
 
-    def find_problems(self) -> list[str]:
-        """Report a name that no folder or file can have as well."""
-        problems = super().find_problems()
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
         if ROBOT_NAME.fullmatch(self.robot_name):
-            return problems
+            return
         option = f"--name is '{self.name}'" if self.name else f"--out is '{self.out}'"
         named = "" if self.name else ", or --name with it"
-        return [*problems, f"{option}, expected a name of {PLAIN}{named}"]
+        yield f"{option}, expected a name of {PLAIN}{named}"
 
 
 class RobotImport(msgspec.Struct, frozen=True, kw_only=True):

@@ -58,10 +58,10 @@ class WatchRequest(BodyOption, OriginOption, ViewOptions):
     """Time after which it ends [s], which is simulated as fast as possible without --realtime;
     default: when q is pressed, with a simulated robot at the pace of the clock."""
 
-    def find_problems(self) -> list[str]:
-        """Report another body of a real robot as well."""
-        problems = super().find_problems()
-        return problems + (self.refuse_body(A_REAL_ROBOT) if self.is_real else [])
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        if self.is_real:
+            yield from self.refuse_body(A_REAL_ROBOT)
 
     @property
     def is_paced(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -68,18 +69,18 @@ class MoveServo(JsonOption):
     yes: bool = False
     """Do not ask before something is written that the servo keeps without power."""
 
-    def find_problems(self) -> list[str]:
-        """Report what is missing, and options that exclude each other, as well."""
-        problems = super().find_problems() + ([] if self.port else [NO_PORT])
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        if not self.port:
+            yield NO_PORT
         if self.robot and (self.id is not None or self.baud is not None):
-            problems.append("--id and --baud are in the robot's description, expected --joint")
+            yield "--id and --baud are in the robot's description, expected --joint"
         elif bool(self.robot) != bool(self.joint):
-            problems.append("expected --robot and --joint together, or --id without both")
+            yield "expected --robot and --joint together, or --id without both"
         if not self.robot and len(self.port) > 1:
-            problems.append(f"--port is {','.join(self.port)}, expected one serial port")
+            yield f"--port is {','.join(self.port)}, expected one serial port"
         if (self.to is None) == (self.by is None):
-            problems.append("expected one of --to and --by, an angle in degrees")
-        return problems
+            yield "expected one of --to and --by, an angle in degrees"
 
 
 @program("servo move")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -41,9 +41,10 @@ class AnyPortOptions(JsonOption):
 class ServoOptions(AnyPortOptions):
     """Options of the commands that need a port."""
 
-    def find_problems(self) -> list[str]:
-        """Report a missing port as well."""
-        return super().find_problems() + ([] if self.port else [NO_PORT])
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        if not self.port:
+            yield NO_PORT
 
 
 @dataclass(frozen=True, kw_only=True)

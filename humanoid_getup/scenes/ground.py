@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -54,43 +53,6 @@ class Surface:
 
 AROUND_X, AROUND_Y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2))
 BASE = 0.1  # m of a field under its lowest point
-
-
-class Ground(Protocol):
-    """A surface that has one height at every place."""
-
-    @property
-    def is_plane(self) -> bool:
-        """Return whether it has the same tilt everywhere."""
-        ...
-
-    @property
-    def is_level(self) -> bool:
-        """Return whether it is a level plane."""
-        ...
-
-    def normal(self, x: Array, y: Array, reach: float, /) -> Array:
-        """Compute the upward normals (..., 3) at places x, y [m], averaged over a reach [m]."""
-        ...
-
-    def height(self, x: Array, y: Array, /) -> Array:
-        """Compute the height [m] at places x, y [m], all of one shape."""
-        ...
-
-    def pave(self, spec: mujoco.MjSpec, surface: Surface) -> mujoco.MjsGeom:
-        """Add it to a model."""
-        ...
-
-
-def mean_height(ground: Ground, x: Array, y: Array, reach: float) -> Array:
-    """Compute the mean height [m] of the square around places x, y [m], (N,), within a reach [m].
-
-    It is the mean of 5 by 5 points.
-    """
-    if ground.is_level:
-        return np.zeros(len(x))
-    around = (x[:, np.newaxis] + reach * AROUND_X, y[:, np.newaxis] + reach * AROUND_Y)
-    return ground.height(*around).mean(axis=1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,3 +142,18 @@ class HeightField:
         geom.pos[2] = self.heights.min()
         surface.cover(geom)
         return geom
+
+
+Ground = Slope | HeightField
+"""A surface that has one height at every place."""
+
+
+def mean_height(ground: Ground, x: Array, y: Array, reach: float) -> Array:
+    """Compute the mean height [m] of the square around places x, y [m], (N,), within a reach [m].
+
+    It is the mean of 5 by 5 points.
+    """
+    if ground.is_level:
+        return np.zeros(len(x))
+    around = (x[:, np.newaxis] + reach * AROUND_X, y[:, np.newaxis] + reach * AROUND_Y)
+    return ground.height(*around).mean(axis=1)

@@ -1,6 +1,6 @@
 """Checks of a robot.toml against the model that it names."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import mujoco
 import numpy as np
@@ -22,9 +22,8 @@ NUMBERS = {
 JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 
 
-def find_number_problems(model: mujoco.MjModel) -> list[str]:
+def find_number_problems(model: mujoco.MjModel) -> Iterator[str]:
     """Find numbers of a compiled model that are not finite: MuJoCo accepts nan."""
-    problems = []
     for (kind, prefix), keys in NUMBERS.items():
         for key in keys:
             rows = getattr(model, f"{prefix}_{key}")
@@ -32,8 +31,7 @@ def find_number_problems(model: mujoco.MjModel) -> list[str]:
             for row in np.flatnonzero(wrong.any(axis=1)):
                 name = mujoco.mj_id2name(model, kind, int(row)) or f"number {row}"
                 owner = f"{kind.name.removeprefix('mjOBJ_').lower()} {shown(name)}"
-                problems.append(f"{owner} has a {key} of {rows[row]}, expected finite numbers")
-    return problems
+                yield f"{owner} has a {key} of {rows[row]}, expected finite numbers"
 
 
 def find_model_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
@@ -77,62 +75,56 @@ def _site_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     ]
 
 
-def _joint_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
-    problems = []
+def _joint_problems(table: RobotTable, model: mujoco.MjModel) -> Iterator[str]:
     for name in dict.fromkeys(row.name for row in table.joints if row.name):
         joint = mujoco.mj_name2id(model, OBJECT.mjOBJ_JOINT, name)
         if joint < 0:
             ids = np.flatnonzero(model.jnt_type == HINGE)
             hinges = _names(model, OBJECT.mjOBJ_JOINT, ids)
-            problems.append(f"joint {shown(name)} is not in {table.model}, expected {hinges}")
+            yield f"joint {shown(name)} is not in {table.model}, expected {hinges}"
         elif model.jnt_type[joint] != HINGE:
             kind = JOINT_KINDS[int(model.jnt_type[joint])]
-            problems.append(f"joint {shown(name)} is a {kind} joint, expected a hinge")
+            yield f"joint {shown(name)} is a {kind} joint, expected a hinge"
         elif not model.jnt_limited[joint]:
-            problems.append(
+            yield (
                 f"joint {shown(name)} has no range in {table.model}, "
                 "expected a range from a lower to an upper angle"
             )
-    return problems
 
 
-def _passive_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
+def _passive_problems(table: RobotTable, model: mujoco.MjModel) -> Iterator[str]:
     """Find passive joints that are not hinges of the model, or that have a servo."""
     described = {row.name for row in table.joints}
-    problems = []
     for name in table.passive_joints:
         joint = mujoco.mj_name2id(model, OBJECT.mjOBJ_JOINT, name)
         if name in described:
-            problems.append(f"passive_joints: {shown(name)} has a row in joints, expected none")
+            yield f"passive_joints: {shown(name)} has a row in joints, expected none"
         elif joint < 0:
-            problems.append(f"passive_joints: {shown(name)} is not in {table.model}")
+            yield f"passive_joints: {shown(name)} is not in {table.model}"
         elif model.jnt_type[joint] != HINGE:
             kind = JOINT_KINDS[int(model.jnt_type[joint])]
-            problems.append(f"passive_joints: {shown(name)} is a {kind} joint, expected a hinge")
-    return problems
+            yield f"passive_joints: {shown(name)} is a {kind} joint, expected a hinge"
 
 
-def _undescribed_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
+def _undescribed_problems(table: RobotTable, model: mujoco.MjModel) -> Iterator[str]:
     """Find joints that would move without a servo, and are neither passive nor the torso's."""
     described = {row.name for row in table.joints} | set(table.passive_joints)
     torso = mujoco.mj_name2id(model, OBJECT.mjOBJ_BODY, table.torso)
-    problems = []
     for joint in range(model.njnt):
         view, body = model.joint(joint), model.body(model.jnt_bodyid[joint])
         if view.name in described:
             continue
         if model.jnt_type[joint] != FREE:
-            problems.append(
+            yield (
                 f"{JOINT_KINDS[int(model.jnt_type[joint])]} joint {shown(view.name)} of body "
                 f"{shown(body.name)} in {table.model} has no row in joints, expected one each, "
                 "or its name in passive_joints if it has no servo"
             )
         elif torso >= 0 and body.id != torso:
-            problems.append(
+            yield (
                 f"body {shown(body.name)} in {table.model} has a free joint, "
                 f"expected only for the torso {shown(table.torso)}"
             )
-    return problems
 
 
 def _standing_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -260,27 +260,25 @@ def _wrong_board(board: BoardSettings) -> list[str]:
     return problems
 
 
-def _wrong_mirrors(rows: tuple[JointRow, ...]) -> list[str]:
+def _wrong_mirrors(rows: tuple[JointRow, ...]) -> Iterator[str]:
     """Find mirrors that are not mutual: mirroring twice must change nothing."""
     by_name = {row.name: row for row in rows}
-    problems = []
     for row in rows:
         image, owner = by_name.get(row.mirror), f"joint {shown(row.name)}: "
         if not row.mirror:
             continue
         if image is None:
-            problems.append(f"{owner}unknown mirror joint {shown(row.mirror)}")
+            yield f"{owner}unknown mirror joint {shown(row.mirror)}"
         elif image.mirror and image.mirror != row.name:
-            problems.append(
+            yield (
                 f"{owner}its mirror {shown(image.name)} has the mirror {shown(image.mirror)}, "
                 f"expected {shown(row.name)} (mirrors lead both ways)"
             )
         elif row.mirror_sign * image.mirror_sign == -1 and row.name < image.name:
-            problems.append(
+            yield (
                 f"{owner}mirror_sign is {row.mirror_sign} and that of its mirror "
                 f"{shown(image.name)} is {image.mirror_sign}, expected the same for both"
             )
-    return problems
 
 
 def _wrong_couplings(table: RobotTable) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,7 @@ ABILITIES = ("squats", "strength", "arms", "holding the stance")
 class RobotCheck:
     """Findings of a robot check."""
 
+    robot: Robot
     findings: tuple[CheckFinding, ...]
     squats: tuple[Squat, ...]
     """Balanced squats from high to deep."""
@@ -41,6 +43,11 @@ class RobotCheck:
     def is_sound(self) -> bool:
         """Return whether there is no fault."""
         return not _has_fault(self.findings)
+
+    def describe(self) -> dict[str, Any]:
+        """Describe the findings for JSON."""
+        name = self.robot.name
+        return {"robot": name, "findings": self.findings, "unchecked": self.unchecked}
 
 
 def check_robot(robot: Robot, report: Callable[[str], None] = lambda _: None) -> RobotCheck:
@@ -63,7 +70,9 @@ def check_robot(robot: Robot, report: Callable[[str], None] = lambda _: None) ->
         unchecked = ()
     report("its motions")
     findings += [_check_motions(robot), _check_policies(robot)]
-    return RobotCheck(findings=tuple(findings), squats=tuple(squats), unchecked=unchecked)
+    return RobotCheck(
+        robot=robot, findings=tuple(findings), squats=tuple(squats), unchecked=unchecked
+    )
 
 
 def _has_fault(findings: Iterable[CheckFinding]) -> bool:

@@ -62,7 +62,6 @@ class RosMessage:
     """A message of a topic."""
 
     topic: str
-    type: MessageType
     time: int
     """Wall time [ns since 1970]."""
     cycle: int
@@ -85,13 +84,13 @@ def list_messages(record: FlightRecord, robot: Robot) -> Iterator[RosMessage]:
             "effort": torque[row].tolist(),
         }
         commanded = _describe_targets(robot, sent["joint_pos"][row], sent["torque_limit"][row])
-        parts = [(MEASURED, JOINT_STATE, measured, ""), (COMMANDED, JOINT_STATE, commanded, "")]
+        parts = [(MEASURED, measured, ""), (COMMANDED, commanded, "")]
         turned = _describe_imu(state["orientation"][row], state["gyro"][row])
         if turned is not None:
-            parts.append((IMU_DATA, IMU, turned, robot.imu_site or ""))
-        for topic, kind, content, frame in parts:
+            parts.append((IMU_DATA, turned, robot.imu_site or ""))
+        for topic, content, frame in parts:
             header = {"stamp": make_stamp(time), "frame_id": frame}
-            yield RosMessage(topic, kind, time, int(cycle), {"header": header} | content)
+            yield RosMessage(topic, time, int(cycle), {"header": header} | content)
 
 
 def _describe_targets(robot: Robot, target: Array, torque_limit: Array) -> dict[str, Any]:
@@ -120,72 +119,58 @@ def _describe_imu(orientation: Array, gyro: Array) -> dict[str, Any] | None:
 
 
 METADATA = "metadata.yaml"
-TYPES = (JOINT_STATE, IMU)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BagSummary:
-    """Content of a bag."""
-
-    start: int
-    """Wall time of its first message [ns since 1970]."""
-    duration: int
-    """[ns]"""
-    topics: dict[str, int]
-    """Number of messages of each topic."""
-
-
-def name_file(name: str) -> str:
-    """Name the MCAP file of a bag, as ROS 2 does."""
-    return f"{name}_0.mcap"
+TYPES = {MEASURED: JOINT_STATE, COMMANDED: JOINT_STATE, IMU_DATA: IMU}
+"""Type of the messages of each topic."""
 
 
 def write_bag(
     record: FlightRecord, robot: Robot, folder: Path, name: str, monitor: ProgressMonitor
-) -> BagSummary:
-    """Write a flight as a bag into an existing folder; return its content."""
-    types, counts = dict[str, MessageType](), Counter[str]()
-    with (folder / name_file(name)).open("wb") as file:
-        writer = Writer(file)
-        schemas = {kind: writer.register_msgdef(kind.name, kind.definition) for kind in TYPES}
+) -> dict[str, int]:
+    """Write a flight as a bag into an existing folder; return the number of each topic's messages.
+
+    Its MCAP file is named as by ROS 2.
+    """
+    file, counts = f"{name}_0.mcap", Counter[str]()
+    with (folder / file).open("wb") as stream:
+        writer = Writer(stream)
+        schemas = {
+            kind: writer.register_msgdef(kind.name, kind.definition) for kind in (JOINT_STATE, IMU)
+        }
         for message in list_messages(record, robot):
-            types[message.topic] = message.type
             counts[message.topic] += 1
             writer.write_message(
                 message.topic,
-                schemas[message.type],
+                schemas[TYPES[message.topic]],
                 message.content,
                 log_time=message.time,
                 sequence=message.cycle,
             )
             monitor.check()
         writer.finish()
-    start, end = int(record.wall_time.min()), int(record.wall_time.max())
-    summary = BagSummary(start=start, duration=end - start, topics=dict(counts))
-    (folder / METADATA).write_text(_describe(summary, types, name_file(name)), "utf-8")
-    return summary
+    start, duration = int(record.wall_time.min()), int(np.ptp(record.wall_time))
+    (folder / METADATA).write_text(_describe(start, duration, counts, file), "utf-8")
+    return dict(counts)
 
 
-def _describe(summary: BagSummary, types: dict[str, MessageType], file: str) -> str:
-    """Write metadata.yaml, version 5 of rosbag2."""
-    total = sum(summary.topics.values())
+def _describe(start: int, duration: int, counts: Counter[str], file: str) -> str:
+    """Write metadata.yaml, version 5 of rosbag2; start and duration are in nanoseconds."""
     topics = "\n".join(
         f"""    - topic_metadata:
         name: {topic}
-        type: {types[topic].name}
+        type: {TYPES[topic].name}
         serialization_format: cdr
         offered_qos_profiles: ""
       message_count: {count}"""
-        for topic, count in summary.topics.items()
+        for topic, count in counts.items()
     )
     return f"""rosbag2_bagfile_information:
   version: 5
   storage_identifier: mcap
   duration:
-    nanoseconds: {summary.duration}
+    nanoseconds: {duration}
   starting_time:
-    nanoseconds_since_epoch: {summary.start}
-  message_count: {total}
+    nanoseconds_since_epoch: {start}
+  message_count: {counts.total()}
   topics_with_message_count:
 {topics}
   compression_format: ""
@@ -195,8 +180,8 @@ def _describe(summary: BagSummary, types: dict[str, MessageType], file: str) -> 
   files:
     - path: {json.dumps(file)}
       starting_time:
-        nanoseconds_since_epoch: {summary.start}
+        nanoseconds_since_epoch: {start}
       duration:
-        nanoseconds: {summary.duration}
-      message_count: {total}
+        nanoseconds: {duration}
+      message_count: {counts.total()}
 """

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from rich.console import Console
 from tyro.conf import Positional, arg
 
@@ -81,16 +82,16 @@ def export_log(request: ExportLogRequest, monitor: ProgressMonitor) -> ExportedL
     monitor.begin("writing")
     try:
         with atomic_folder(request.rosbag2) as folder:
-            summary = write_bag(record, robot, folder, request.bag_name, monitor)
+            topics = write_bag(record, robot, folder, request.bag_name, monitor)
     except OSError as error:
         raise BadInputError(f"--rosbag2 is {request.rosbag2}: {describe(error)}") from error
     return ExportedLog(
         log=request.log,
         bag=request.rosbag2,
         robot=record.robot,
-        topics=summary.topics,
+        topics=topics,
         started=record.started,
-        duration_s=summary.duration * NANOSECOND,
+        duration_s=int(np.ptp(record.wall_time)) * NANOSECOND,
         truncated=record.truncated,
         lost_bytes=record.lost_bytes,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from rich.console import Console
@@ -19,10 +19,9 @@ from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.robot_check import check as checking
 from humanoid_getup.robot_check.check import RobotCheck
-from humanoid_getup.robot_check.finding import CheckFinding
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
-from robots import Robot, load_robot
+from robots import load_robot
 from robots.body.statics import Statics
 from robots.kinematics import place
 
@@ -40,54 +39,31 @@ class CheckRequest(PictureOption):
     """Name of a robot, or a folder with a robot.toml."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CheckedRobot:
-    """A robot, and the findings of its check."""
-
-    robot: Robot
-    check: RobotCheck
-
-    @property
-    def findings(self) -> tuple[CheckFinding, ...]:
-        """Return the findings, by part of the check."""
-        return self.check.findings
-
-    @property
-    def is_sound(self) -> bool:
-        """Return whether there is no fault."""
-        return self.check.is_sound
-
-    def describe(self) -> dict[str, Any]:
-        """Describe the findings for JSON."""
-        unchecked = self.check.unchecked
-        return {"robot": self.robot.name, "findings": self.findings, "unchecked": unchecked}
-
-
-@command("robots check", json=CheckedRobot.describe)
-def check_robot(request: CheckRequest, monitor: ProgressMonitor) -> CheckedRobot:
+@command("robots check", json=RobotCheck.describe)
+def check_robot(request: CheckRequest, monitor: ProgressMonitor) -> RobotCheck:
     """Check whether a robot's description is sound and its body able to get up."""
     robot = load_robot(request.robot)
     check = checking.check_robot(robot, lambda part: monitor.begin(f"checking {part}"))
     if request.picture is not None:
-        _draw(robot, check, request.picture)
-    return CheckedRobot(robot=robot, check=check)
+        _draw(check, request.picture)
+    return check
 
 
 @check_robot.show
-def _print(found: CheckedRobot, request: CheckRequest, console: Console) -> int:
+def _print(found: RobotCheck, request: CheckRequest, console: Console) -> int:
     for finding in found.findings:
         color = COLORS[finding.level]
         console.print(f"[{color}]{finding.level:7}[/] {escape(str(finding))}", soft_wrap=True)
-    if unchecked := found.check.unchecked:
+    if unchecked := found.unchecked:
         console.print(f"not checked until the faults are corrected: {', '.join(unchecked)}")
     if request.picture is not None:
         console.print(f"picture in {request.picture}", markup=False, soft_wrap=True)
     return DID_IT if found.is_sound else DID_NOT_STAND
 
 
-def _draw(robot: Robot, check: RobotCheck, picture: Path) -> None:
+def _draw(check: RobotCheck, picture: Path) -> None:
     """Draw the stance from the front and the side, and the deepest squat beside it."""
-    model = World(robot, FLAT_SCENE).model
+    robot, model = check.robot, World(check.robot, FLAT_SCENE).model
     postures = {"stance": robot.standing}
     if check.squats:
         deepest = min(check.squats, key=lambda squat: squat.neck_share)

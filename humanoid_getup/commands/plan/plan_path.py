@@ -72,28 +72,26 @@ class PlanRequest(BodyOption, SceneOptions):
             yield "--keep-partial: expected --out DIR with it, to save the path in"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Goal:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Goal(KeyPosture):
     """A goal of a path."""
 
-    name: str
-    posture: Posture
     connection: Connection | None = None
     """Frame of the motion that is joined there; ``None`` for a requested posture."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class PathAnswer:
-    """Answer to a path query; without a path, for the goal of the best attempt."""
+class PathAnswer(PathResult):
+    """Answer to a path query; without a path, for the goal of the best attempt.
+
+    Its nodes are those of all searches.
+    """
 
     goal: Goal
-    result: PathResult
     way_out: WayOut | None
     """Path of the root to a place with room to stand, which comes first."""
     tried: tuple[tuple[str, str], ...]
     """Each goal that was tried, and why there is no path to it; empty for the one with a path."""
-    nodes: int
-    """Nodes of all searches."""
     checks: int
     """Of all searches."""
     time: float
@@ -102,12 +100,12 @@ class PathAnswer:
     @property
     def found(self) -> bool:
         """Return whether there is a path."""
-        return self.result.trajectory is not None
+        return self.trajectory is not None
 
     @property
     def path(self) -> Trajectory | None:
         """Return the path, or the free beginning of the best one; ``None`` if there is none."""
-        return self.result.trajectory or self.result.beginning
+        return self.trajectory or self.beginning
 
 
 def choose_goals(database: MotionDatabase, last: Posture) -> list[Goal]:
@@ -153,12 +151,13 @@ def find_path(
         chosen = max(
             answers, key=lambda one: (one[1].leg, measure_length(metric, one[1].beginning))
         )
+    goal, result = chosen
+    result = replace(result, nodes=sum(each.nodes for _, each in answers))
     return PathAnswer(
-        goal=chosen[0],
-        result=chosen[1],
+        **vars(result),
+        goal=goal,
         way_out=way_out,
-        tried=tuple((goal.name, result.reason) for goal, result in answers),
-        nodes=sum(result.nodes for _, result in answers),
+        tried=tuple((one.name, each.reason) for one, each in answers),
         checks=checker.checks,
         time=time.perf_counter() - began,
     )
@@ -243,7 +242,7 @@ class PlannedPath:
     @property
     def key_times(self) -> tuple[float | None, ...]:
         """Return the time at which the path leaves each key [s]; None if it does not reach it."""
-        path, arrivals = self.answer.path, self.answer.result.arrivals
+        path, arrivals = self.answer.path, self.answer.arrivals
         if path is None:
             return tuple(None for _ in self.keys)
         return tuple(
@@ -254,7 +253,7 @@ class PlannedPath:
     def describe(self) -> dict[str, Any]:
         """Describe the search for JSON."""
         request, answer, world = self.request, self.answer, self.world
-        result, path, joined = answer.result, answer.path, answer.goal.connection
+        path, joined = answer.path, answer.goal.connection
         return {
             "robot": world.robot.name,
             "scene": request.scene,
@@ -270,10 +269,10 @@ class PlannedPath:
                 "time_s": float(joined.motion.time[joined.frame] - joined.motion.time[0]),
                 "distance": joined.distance,
             },
-            "status": result.status.value,
-            "reason": result.reason,
-            "leg": result.leg,
-            "refined": result.refined,
+            "status": answer.status.value,
+            "reason": answer.reason,
+            "leg": answer.leg,
+            "refined": answer.refined,
             "way_out_m": answer.way_out and answer.way_out.length,
             "checks": answer.checks,
             "nodes": answer.nodes,

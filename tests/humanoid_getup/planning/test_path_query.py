@@ -31,18 +31,14 @@ from robots import Posture, Robot
 
 def answer(world: World, joined: Connection, *, solved: bool) -> PathAnswer:
     path = straight_path(joined.motion.posture(0), joined.posture, 2.0, world.robot.control_period)
-    result = PathResult(
+    return PathAnswer(
         status=SearchStatus.SOLVED if solved else SearchStatus.BUDGET_SPENT,
         leg=1,
         trajectory=path if solved else None,
         beginning=None if solved else path,
-    )
-    return PathAnswer(
         goal=Goal(name="there", posture=joined.posture, connection=joined),
-        result=result,
         way_out=None,
-        tried=(("there", result.reason),),
-        nodes=0,
+        tried=(("there", ""),),
         checks=0,
         time=0.0,
     )

@@ -32,10 +32,6 @@ ROUNDING = 0.01  # deg; a file's angle may be this far out of a joint's range, a
 NAMED = "expected 1 to 100 letters, digits, '_', '-' or '.', not '.' first"
 
 
-class KeyframesError(ValueError):
-    """A file does not hold keyframes for the robot; the message names all problems."""
-
-
 Degrees = dict[str, Annotated[float, Meta(description="a finite angle in degrees")]]
 PAIRED = ("both", "left", "right")
 """Tables of a key whose names are those of pairs; ``middle`` has full names."""
@@ -83,7 +79,7 @@ def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
     posture follows as last key, ``stand_after`` seconds later, unless the motion's ``end`` is a
     side to lie on.
     """
-    with reading(str(path), KeyframesError) as problems:
+    with reading(str(path)) as problems:
         file = read_toml(_File, path, problems)
         names = Counter(row.name for row in file.motions)
         problems += [f"motion {shown(name)} is there twice" for name in names if names[name] > 1]

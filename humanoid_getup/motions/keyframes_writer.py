@@ -11,7 +11,7 @@ import tomlkit
 from tomlkit.items import AoT, Table
 
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.keyframes_file import TABLES, KeyframesError, load_keyframes
+from humanoid_getup.motions.keyframes_file import TABLES, load_keyframes
 from humanoid_getup.motions.motion import STANDING
 from robots import Robot
 from robots.body.sides import JointSides
@@ -39,7 +39,7 @@ def append_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -
         return
     known = {each.name for each in load_keyframes(path, robot)}
     if twice := [f"'{each.name}'" for each in keyframes if each.name in known]:
-        raise KeyframesError(
+        raise ValueError(
             f"{path}: motion {', '.join(twice)} is there already, expected another name"
         )
     _write(path, f"{_read(path).rstrip()}\n\n{format_keyframes(keyframes, robot)}", robot)
@@ -52,9 +52,7 @@ def replace_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) 
     tables = document["motions"]
     missing = [each.name for each in keyframes if each.name not in names]
     if missing or not isinstance(tables, AoT):
-        raise KeyframesError(
-            f"{path}: expected a table [[motions]] for {', '.join(missing or names)}"
-        )
+        raise ValueError(f"{path}: expected a table [[motions]] for {', '.join(missing or names)}")
     for each in keyframes:
         place = names.index(each.name)
         tables[place] = _replace(tables[place], table_of(_describe(each, robot)))
@@ -80,7 +78,7 @@ def format_keyframes(keyframes: Sequence[Keyframes], robot: Robot) -> str:
 def _describe(keyframes: Keyframes, robot: Robot) -> dict[str, Value]:
     keys, rises = keyframes.keys, keyframes.end_class == STANDING
     if rises and np.abs(keys[-1] - robot.standing.joint_pos).max() > SYMMETRIC:
-        raise KeyframesError(
+        raise ValueError(
             f"motion '{keyframes.name}' does not end in the standing posture, expected that as "
             "its last key"
         )
@@ -156,5 +154,5 @@ def _write(path: Path, text: str, robot: Robot) -> None:
         partial.write_text(text, "utf-8")
         try:
             load_keyframes(partial, robot)
-        except KeyframesError as error:
-            raise KeyframesError(str(error).replace(str(partial), str(path))) from error
+        except ValueError as error:
+            raise ValueError(str(error).replace(str(partial), str(path))) from error

@@ -7,13 +7,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robots import Posture, Robot, list_robots, load_robot, quaternion
+from robots import Posture, Robot, quaternion
 from robots.arguments import expect
 from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE
 from robots.quaternion import Array
@@ -103,19 +102,6 @@ class Motion(Trajectory):
             f"Motion({self.name} of {self.robot}: {self.start_class} to {self.end_class}, "
             f"{self.duration:.2f} s, {len(self.time)} frames of {self.joint_pos.shape[1]} joints)"
         )
-
-    def _repr_png_(self) -> bytes | None:
-        """Draw a film strip for notebooks; None without OpenGL, or the robot by its name."""
-        from humanoid_getup.reporting.film_strip import NoRendererError, draw_motion
-
-        if self.robot not in list_robots():
-            return None
-        try:
-            with TemporaryDirectory() as folder:
-                draw_motion(load_robot(self.robot), self, Path(folder) / "strip.png")
-                return (Path(folder) / "strip.png").read_bytes()
-        except NoRendererError:
-            return None
 
     @property
     def duration(self) -> float:

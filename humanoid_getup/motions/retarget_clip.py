@@ -40,34 +40,27 @@ STANDING_HEIGHT = 0.9  # share of the standing height of the hips, from which it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ClipDeviation:
-    """Deviation of a robot's limbs from those of a clip."""
+class RetargetedClip:
+    """A clip as a motion of a robot, and how far the limbs deviate from those of the clip."""
 
+    motion: Motion
+    slowdown: float
+    """Duration over that of the clip on a body of the robot's size: above 1 where joints would
+    have been too fast."""
     angle: dict[LimbName, Array]
     """Angle between the directions of the upper and of the lower limb [rad], (T, 2)."""
     bound: dict[str, float]
     """Joints that are at an end of their range, and the share of the frames."""
 
     @property
-    def mean(self) -> float:
+    def mean_angle(self) -> float:
         """Return the mean angle [rad]."""
         return float(np.mean([rows.mean() for rows in self.angle.values()]))
 
     @property
-    def largest(self) -> tuple[LimbName, float]:
+    def largest_angle(self) -> tuple[LimbName, float]:
         """Return the limb that deviates most, and by how much [rad]."""
         return max(((n, float(rows.max())) for n, rows in self.angle.items()), key=lambda p: p[1])
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RetargetedClip:
-    """A clip as a motion of a robot."""
-
-    motion: Motion
-    deviation: ClipDeviation
-    slowdown: float
-    """Duration over that of the clip on a body of the robot's size: above 1 where joints would
-    have been too fast."""
 
 
 class ClipRetargeter:
@@ -100,13 +93,19 @@ class ClipRetargeter:
         """
         body, rows = read_body(clip), _choose_frames(clip, begin, end)
         angles = self._solve(body, rows, report)
-        deviation = self._measure(body, rows, angles)
         poses = self._pose(clip, body, rows, angles)
         if finish:
             poses = self._finish(poses)
         paced, slowdown = self._pace(poses)
         motion = self._make_motion(paced, name, clip, clip.time[rows], is_finished=finish)
-        return RetargetedClip(motion=motion, deviation=deviation, slowdown=slowdown)
+        near = np.minimum(angles - self.robot.lower, self.robot.upper - angles) < ON_LIMIT
+        share = zip(self.robot.joint_names, near.mean(axis=0).tolist(), strict=True)
+        return RetargetedClip(
+            motion=motion,
+            slowdown=slowdown,
+            angle=self._measure(body, rows, angles),
+            bound={joint: part for joint, part in share if part >= BOUND_SHARE},
+        )
 
     def _solve(self, body: ClipBody, rows: Frames, report: Callable[[float], None]) -> Array:
         """Find the joint angles at frames of the clip, (T, n)."""
@@ -126,7 +125,8 @@ class ClipRetargeter:
     def _torso(self, body: ClipBody) -> Array:
         return body.torso if self._trunk.is_stiff else body.pelvis
 
-    def _measure(self, body: ClipBody, rows: Frames, angles: Array) -> ClipDeviation:
+    def _measure(self, body: ClipBody, rows: Frames, angles: Array) -> dict[LimbName, Array]:
+        """Measure the angles between the limbs of body and robot [rad], (T, 2) of each."""
         found = [self._limbs.measure(row) for row in angles]
         torso = self._torso(body)
         deviation: dict[LimbName, Array] = {}
@@ -140,12 +140,7 @@ class ClipRetargeter:
                     for a, b in zip(wanted, found, strict=True)
                 ]
             )
-        near = np.minimum(angles - self.robot.lower, self.robot.upper - angles) < ON_LIMIT
-        share = zip(self.robot.joint_names, near.mean(axis=0).tolist(), strict=True)
-        return ClipDeviation(
-            angle=deviation,
-            bound={joint: part for joint, part in share if part >= BOUND_SHARE},
-        )
+        return deviation
 
     def _pose(self, clip: Clip, body: ClipBody, rows: Frames, angles: Array) -> Trajectory:
         size = leg_length(self.robot) / clip.leg_length

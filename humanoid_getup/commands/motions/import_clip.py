@@ -96,8 +96,7 @@ class ClipRequest(RobotOption):
 
 def describe(found: RetargetedClip) -> dict[str, Any]:
     """Describe a motion made from a clip, and the deviation of its limbs, for JSON."""
-    motion, deviation = found.motion, found.deviation
-    limb, largest = deviation.largest
+    motion, (limb, largest) = found.motion, found.largest_angle
     return {
         "name": motion.name,
         "robot": motion.robot,
@@ -105,14 +104,14 @@ def describe(found: RetargetedClip) -> dict[str, Any]:
         "end_class": motion.end_class,
         "duration_s": motion.duration,
         "slowdown": found.slowdown,
-        "deviation_mean_deg": math.degrees(deviation.mean),
+        "deviation_mean_deg": math.degrees(found.mean_angle),
         "deviation_max_deg": math.degrees(largest),
         "deviation_max_limb": limb,
         "deviation_deg": {
             name: {"mean": math.degrees(rows.mean()), "max": math.degrees(rows.max())}
-            for name, rows in deviation.angle.items()
+            for name, rows in found.angle.items()
         },
-        "bound_joints": deviation.bound,
+        "bound_joints": found.bound,
     }
 
 
@@ -138,17 +137,16 @@ def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> RetargetedCli
 
 @import_clip.show
 def _print(found: RetargetedClip, request: ClipRequest, console: Console) -> None:
-    motion, deviation = found.motion, found.deviation
-    limb, largest = deviation.largest
+    motion, (limb, largest) = found.motion, found.largest_angle
     lines = [
         f"{motion.name}: {motion.duration:.2f} s from {motion.start_class} to {motion.end_class}",
-        f"limbs point {math.degrees(deviation.mean):.1f}° off the clip's on average, at most "
+        f"limbs point {math.degrees(found.mean_angle):.1f}° off the clip's on average, at most "
         f"{math.degrees(largest):.0f}° (the {limb.replace('_', ' ')})",
     ]
     if found.slowdown > SLOWED:
         lines.append(f"slowed down to {found.slowdown:.2f} times its duration: servos' speed")
-    if deviation.bound:
-        bound = sorted(deviation.bound.items(), key=lambda pair: -pair[1])
+    if found.bound:
+        bound = sorted(found.bound.items(), key=lambda pair: -pair[1])
         listed = ", ".join(f"{joint} {share:.0%}" for joint, share in bound)
         lines.append(f"joints at an end of their range, share of the frames: {listed}")
     robot_option = "" if request.robot == "op3" else f" --robot {request.robot}"

@@ -108,7 +108,7 @@ def test_a_clip_of_the_robots_own_motion_comes_back_as_that_motion(human, retarg
     bends = [i for i, n in enumerate(names) if n.split("_", 1)[-1] in ("hip_pitch", "knee")]
     bends += [i for i, n in enumerate(names) if n.split("_", 1)[-1] in ("ankle_pitch", "elbow")]
     assert np.degrees(np.abs(motion.joint_pos[at] - went)[:, bends]).max() < 3.0
-    assert math.degrees(found.deviation.mean) < 1.0
+    assert math.degrees(found.mean_angle) < 1.0
     tilt = np.degrees(quaternion.tilt(motion.orientation[at]))
     assert tilt == pytest.approx(np.linspace(0.0, 25.0, len(went)), abs=1.0)
 
@@ -161,7 +161,7 @@ def test_a_recorded_rise_is_followed_limb_by_limb(name):
     clip = read_acclaim(CMU / "140_03.amc", CMU / "140.asf")
     found = ClipRetargeter(load_robot(name)).retarget(clip, name="cmu", begin=1.0, end=6.5)
     assert found.motion.start_class == "right"
-    assert math.degrees(found.deviation.mean) < (2.0 if name == "human" else 15.0)
+    assert math.degrees(found.mean_angle) < (2.0 if name == "human" else 15.0)
 
 
 # A body in its rest pose, z up, x forward [m]; the right side is its mirror image.

@@ -15,6 +15,7 @@ from rich.console import Console
 from drivers import Ending
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, HARDWARE_FAULT, INTERRUPTED
+from humanoid_getup.commands.files import staging
 from humanoid_getup.commands.get_up.options import (
     ARTEFACTS,
     MOTION,
@@ -26,7 +27,6 @@ from humanoid_getup.commands.get_up.options import (
     MoveOptions,
 )
 from humanoid_getup.commands.get_up.recording import FLIGHT
-from humanoid_getup.commands.output_files import staging
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.rise import Rise
 from humanoid_getup.execution.session import Then

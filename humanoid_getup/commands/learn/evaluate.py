@@ -17,10 +17,9 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.commands.files import READ, ROBOT
+from humanoid_getup.commands.files import READ, ROBOT, find_file_problems
 from humanoid_getup.commands.inputs import load_robot, load_world, make_torque_limit
 from humanoid_getup.commands.options import EngineOptions, PolicyName, SceneOptions, TorqueOptions
-from humanoid_getup.commands.output_files import find_file_problems
 from humanoid_getup.commands.pieces import make_absolute, make_robot_absolute, starting
 from humanoid_getup.commands.policies import name_robot
 from humanoid_getup.engines.executor import do_pieces

@@ -13,10 +13,9 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError, needing
-from humanoid_getup.commands.files import READ, ROBOT, Written
+from humanoid_getup.commands.files import READ, ROBOT, Written, staging
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import PolicyName, RobotOption
-from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.policies import load_policy, name_robot
 from humanoid_getup.commands.values import Items
 from humanoid_getup.policy.contract import PolicyContract

@@ -27,11 +27,10 @@ from humanoid_getup.benchmarks.whole import (
 )
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import refusing
-from humanoid_getup.commands.files import Written
+from humanoid_getup.commands.files import Written, staging
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.look.bench_rise import LOADS, print_figures
 from humanoid_getup.commands.options import BodyOption, EngineOptions, RobotOption, Seed
-from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.pieces import make_worker_request, starting
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import Versions, checked

@@ -15,10 +15,9 @@ from tyro.conf import Positional, arg
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, needing
-from humanoid_getup.commands.files import FOLDER, READ, ROBOT
+from humanoid_getup.commands.files import FOLDER, READ, ROBOT, find_new_folder_problems
 from humanoid_getup.commands.inputs import load_robot_of
 from humanoid_getup.commands.options import RobotOption
-from humanoid_getup.commands.output_files import find_new_folder_problems
 from humanoid_getup.progress.callback import ProgressMonitor
 from robots.storage.files import atomic_folder, describe
 

@@ -16,9 +16,8 @@ from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.commands.files import READ, ROBOT, Written
+from humanoid_getup.commands.files import READ, ROBOT, Written, staging
 from humanoid_getup.commands.options import CommandRequest
-from humanoid_getup.commands.output_files import staging
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting import plots

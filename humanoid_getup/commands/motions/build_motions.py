@@ -16,10 +16,9 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError, refusing
-from humanoid_getup.commands.files import ROBOT
+from humanoid_getup.commands.files import ROBOT, find_folder_problems
 from humanoid_getup.commands.inputs import find_keyframes, load_robot
 from humanoid_getup.commands.options import Count, EngineOptions, Prefer, RobotOption, write_command
-from humanoid_getup.commands.output_files import find_folder_problems
 from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
 from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.engines.versions import checked

@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, refusing
-from humanoid_getup.commands.files import PICTURE, READ, ROBOT
+from humanoid_getup.commands.files import PICTURE, READ, ROBOT, check_file
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.motions.build_motions import check_folders
 from humanoid_getup.commands.motions.search_motions import (
@@ -27,7 +27,6 @@ from humanoid_getup.commands.options import (
     TorqueLimitValue,
     write_command,
 )
-from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import name_robot
 from humanoid_getup.progress.callback import ProgressMonitor

@@ -16,10 +16,9 @@ from tyro.conf import Positional, arg
 from humanoid_getup.clips.clip_file import read_clip
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import refusing
-from humanoid_getup.commands.files import MADE, READ
+from humanoid_getup.commands.files import MADE, READ, find_file_problems
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import RobotOption
-from humanoid_getup.commands.output_files import find_file_problems
 from humanoid_getup.motions.retarget_clip import ClipRetargeter, RetargetedClip
 from humanoid_getup.progress.callback import ProgressMonitor
 from robots.storage.validation import between

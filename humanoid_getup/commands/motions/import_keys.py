@@ -13,11 +13,10 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import needing, refusing
-from humanoid_getup.commands.files import READ
+from humanoid_getup.commands.files import READ, check_file
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.motions.build_motions import BuildRequest
 from humanoid_getup.commands.options import CommandRequest, RobotOption, write_command
-from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.imported_keyframes import (
     ImportedKeyframes,

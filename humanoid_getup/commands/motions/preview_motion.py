@@ -12,10 +12,9 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND
-from humanoid_getup.commands.files import PICTURE, READ
+from humanoid_getup.commands.files import PICTURE, READ, check_file
 from humanoid_getup.commands.inputs import find_keyframes, load_robot
 from humanoid_getup.commands.options import RobotOption
-from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.progress.callback import ProgressMonitor

@@ -12,10 +12,9 @@ from tyro.conf import Positional, arg
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import find_json_target, make_table
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.files import PICTURE
+from humanoid_getup.commands.files import PICTURE, check_file
 from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.commands.options import BodyOption, MotionName, RobotOption
-from humanoid_getup.commands.output_files import check_file
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.progress.callback import ProgressMonitor

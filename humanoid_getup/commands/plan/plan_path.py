@@ -17,10 +17,9 @@ from tyro.conf import arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import DID_IT, NO_PATH
-from humanoid_getup.commands.files import READ, Written
+from humanoid_getup.commands.files import READ, Written, staging
 from humanoid_getup.commands.inputs import find_start, load_keys, load_world
 from humanoid_getup.commands.options import NO_ORIGIN, BodyOption, Keys, Origin, SceneOptions
-from humanoid_getup.commands.output_files import staging
 from humanoid_getup.experiments.falls import Fall, classify
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import (

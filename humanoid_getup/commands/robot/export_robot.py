@@ -12,10 +12,9 @@ from tyro.conf import Positional, arg
 
 from drivers.errors import SetupError
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.files import FOLDER, ROBOT
+from humanoid_getup.commands.files import FOLDER, ROBOT, find_new_folder_problems
 from humanoid_getup.commands.inputs import make_torque_limit
 from humanoid_getup.commands.options import TorqueOptions
-from humanoid_getup.commands.output_files import find_new_folder_problems
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.ros.ros2_control import RobotControl
 from robots import load_robot

@@ -7,10 +7,9 @@ from pathlib import Path
 from shutil import copytree, rmtree
 from typing import TYPE_CHECKING
 
-from humanoid_getup.commands.files import shorten_path
+from humanoid_getup.commands.files import shorten_path, staging
 from humanoid_getup.commands.get_up.rise import RiseRequest, rise
 from humanoid_getup.commands.options import write_command
-from humanoid_getup.commands.output_files import staging
 from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.plain_text import make_block, name_side
 from humanoid_getup.studio.takes import make_rise_take

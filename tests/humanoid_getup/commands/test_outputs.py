@@ -19,12 +19,12 @@ from humanoid_getup.commands import console as console_module
 from humanoid_getup.commands.command import write_json
 from humanoid_getup.commands.console import format_figure, make_bars, showing
 from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.files import find_file_problems, find_folder_problems, staging
 from humanoid_getup.commands.get_up.play import PlayRequest
 from humanoid_getup.commands.get_up.results import draw_run
 from humanoid_getup.commands.get_up.run import RunRequest
 from humanoid_getup.commands.learn.train import ExportRequest
 from humanoid_getup.commands.options import JsonOption, with_json
-from humanoid_getup.commands.output_files import find_file_problems, find_folder_problems, staging
 from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.reporting import film_strip, plots

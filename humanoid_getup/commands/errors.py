@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dis
 from collections.abc import Iterator
 from contextlib import contextmanager
+from opcode import opmap
 from types import FrameType
 
 DID_IT = 0
@@ -14,7 +14,7 @@ HARDWARE_FAULT = 3
 INTERRUPTED = 130
 CLOSED_PIPE = 141
 OWN = {"humanoid_getup", "drivers", "robots", "sim2real"}
-RAISE = dis.opmap["RAISE_VARARGS"]
+RAISE = opmap["RAISE_VARARGS"]
 
 
 class BadInputError(ValueError):

@@ -194,15 +194,19 @@ def _collect(trajectory: _Trajectory, robot: Robot, path: Path) -> KeySequence:
     return collector.finish(path.stem, path.name, tuple(notes))
 
 
-def choose_keys(time: Array, positions: Array) -> tuple[list[int], float]:
+def choose_keys(
+    time: Array, positions: Array, close: float = CLOSE, most: int = MOST_KEYS
+) -> tuple[list[int], float]:
     """Choose few points whose curve is close to all of them.
 
     The curve of keyframes goes through the ends first, and then, one by one, through the point
-    from which it is farthest, until it is `CLOSE` to all, or there are as many as keys may be.
+    from which it is farthest, until it is close to all, or there are as many as keys may be.
 
     Args:
         time: Times [s], shape (T,).
         positions: Angles [rad], shape (T, n).
+        close: Distance that may be left [rad].
+        most: Largest number of points.
 
     Returns:
         Rows of the chosen points in order, and the largest distance that is left [rad].
@@ -214,7 +218,7 @@ def choose_keys(time: Array, positions: Array) -> tuple[list[int], float]:
         curve = PchipInterpolator(time[kept], positions[kept], axis=0)
         distance = np.abs(curve(time) - positions).max(axis=1)
         farthest = int(distance.argmax())
-        if distance[farthest] <= CLOSE or len(kept) == MOST_KEYS:
+        if distance[farthest] <= close or len(kept) == most:
             return kept, float(distance[farthest])
         kept = sorted([*kept, farthest])
 

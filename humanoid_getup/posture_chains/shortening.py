@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import partial, reduce
 
 import numpy as np
-import scipy  # which imports its parts when they are used
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.rollouts import Experiment
+from humanoid_getup.motions.key_files import choose_keys
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import FOUND, StartClass
 from humanoid_getup.motions.preference import Preference
@@ -225,15 +225,7 @@ def find_rests(keyframes: Keyframes) -> NDArray[np.bool_]:
 def thin(keyframes: Keyframes, tolerance: float) -> Keyframes:
     """Keep the keys through which a curve passes all others within a tolerance [rad], in time."""
     at, keys = np.concatenate([[0.0], np.cumsum(keyframes.duration)]), keyframes.keys
-    kept = [0, len(keys) - 1]
-    while len(kept) < len(keys):
-        off = np.abs(
-            scipy.interpolate.PchipInterpolator(at[kept], keys[kept], axis=0)(at) - keys
-        ).max(axis=1)
-        worst = int(off.argmax())
-        if off[worst] <= tolerance:
-            break
-        kept = sorted([*kept, worst])
+    kept, _ = choose_keys(at, keys, tolerance, len(keys))
     return replace(keyframes, keys=keys[kept], duration=np.diff(at[kept]))
 
 

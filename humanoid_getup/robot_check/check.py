@@ -15,8 +15,12 @@ from humanoid_getup.motions.motion_database import (
     suggest_motions,
 )
 from humanoid_getup.policy.onnx_policy import list_policies
-from humanoid_getup.robot_check.finding import CheckFinding
-from humanoid_getup.robot_check.model_check import check_body, check_mirrors, check_turns
+from humanoid_getup.robot_check.model_check import (
+    CheckFinding,
+    check_body,
+    check_mirrors,
+    check_turns,
+)
 from humanoid_getup.robot_check.stance_check import check_hold, check_soles, check_stance
 from humanoid_getup.simulation.world import World
 from robots import Robot

@@ -13,7 +13,7 @@ from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts import play
-from humanoid_getup.robot_check.finding import CheckFinding
+from humanoid_getup.robot_check.model_check import CheckFinding
 from humanoid_getup.simulation.world import World, find_touching_bodies
 from robots import Robot
 from robots.body.limbs import LEGS, Limbs

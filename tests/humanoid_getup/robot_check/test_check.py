@@ -7,7 +7,7 @@ import pytest
 from spoiling import spoil
 
 from humanoid_getup.robot_check.check import check_robot
-from humanoid_getup.robot_check.finding import CheckFinding
+from humanoid_getup.robot_check.model_check import CheckFinding
 from robots import Robot, load_robot
 
 MODEL, TOML = "model.xml", "robot.toml"

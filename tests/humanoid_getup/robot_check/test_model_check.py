@@ -13,8 +13,12 @@ from drivers.twin.device_models import Windings
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import Stance
 from humanoid_getup.robot_check import stance_check
-from humanoid_getup.robot_check.finding import CheckFinding
-from humanoid_getup.robot_check.model_check import check_body, check_mirrors, check_turns
+from humanoid_getup.robot_check.model_check import (
+    CheckFinding,
+    check_body,
+    check_mirrors,
+    check_turns,
+)
 from humanoid_getup.robot_check.stance_check import check_soles, check_stance
 from humanoid_getup.simulation.world import World
 from robots import Robot

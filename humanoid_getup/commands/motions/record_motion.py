@@ -61,23 +61,6 @@ PRESSES = {
 """Presses by what a terminal sends; nothing where it is gone."""
 
 
-class TerminalPresses(TerminalKeys):
-    """Presses on a terminal, inside a ``with`` block; other keys are ignored."""
-
-    def __init__(self, terminal: int | None = None) -> None:
-        """Prepare to watch a terminal, by file descriptor; ``None`` for standard input."""
-        super().__init__(self._note, terminal)
-        self._waiting: deque[Press] = deque()
-
-    def poll(self) -> Press | None:
-        """Return the next press; ``None`` if there is none yet."""
-        return self._waiting.popleft() if self._waiting else None
-
-    def _note(self, sent: bytes) -> None:
-        if sent in PRESSES:
-            self._waiting.append(PRESSES[sent])
-
-
 class HandRecorder:
     """A controller that keeps a robot limp and takes its joint angles when a key is pressed."""
 
@@ -146,9 +129,9 @@ def record(options: RecordMotion) -> int:
         )
     if path.exists() and options.name in [k.name for k in load_keyframes(path, robot)]:
         raise ValueError(f"{path}: motion '{options.name}' is there already, expected another")
-    with open_presses() as presses:
+    with open_presses() as poll:
         console.print(f"the robot is limp: support it. {KEYS}")
-        recorder = HandRecorder(robot, presses.poll, lambda count: console.print(f"{count} keys"))
+        recorder = HandRecorder(robot, poll, lambda count: console.print(f"{count} keys"))
         report = _run(recorder, options, world)
     if report.ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt("nothing is saved")
@@ -166,12 +149,18 @@ def record(options: RecordMotion) -> int:
 
 
 @contextmanager
-def open_presses() -> Iterator[TerminalPresses]:
-    """Watch the person's keys."""
-    with TerminalPresses() as presses:
-        if not presses.has_terminal:
+def open_presses(terminal: int | None = None) -> Iterator[Callable[[], Press | None]]:
+    """Watch a terminal, by default standard input; yield what returns the next press, if any."""
+    waiting = deque[Press]()
+
+    def note(sent: bytes) -> None:
+        if sent in PRESSES:
+            waiting.append(PRESSES[sent])
+
+    with TerminalKeys(note, terminal) as keys:
+        if not keys.has_terminal:
             raise ValueError("standard input is not a terminal: recording needs its keys")
-        yield presses
+        yield lambda: waiting.popleft() if waiting else None
 
 
 def make_sequence(name: str, keys: list[Array], robot: Robot) -> KeySequence:

@@ -3,6 +3,7 @@
 import os
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from recording_backend import RecordingBackend, still_state
 
 from drivers import Ending, SafetyGuard, run
-from humanoid_getup.commands.motions.record_motion import HandRecorder, Press, TerminalPresses
+from humanoid_getup.commands.motions.record_motion import HandRecorder, Press, open_presses
 
 TAKE, UNDO, FINISH, LEAVE = Press.TAKE, Press.UNDO, Press.FINISH, Press.LEAVE
 
@@ -58,9 +59,9 @@ def test_a_key_waits_for_a_fresh_measurement(tiny):
     assert len(recorder.keys) == 1
 
 
-def await_press(presses: TerminalPresses) -> Press:
+def await_press(poll: Callable[[], Press | None]) -> Press:
     for _ in range(2500):
-        if press := presses.poll():
+        if press := poll():
             return press
         time.sleep(0.002)
     raise AssertionError("no press")
@@ -68,14 +69,13 @@ def await_press(presses: TerminalPresses) -> Press:
 
 def test_a_terminals_keys_are_presses():
     master, slave = os.openpty()
-    with TerminalPresses(slave) as presses:
-        assert presses.has_terminal
+    with open_presses(slave) as poll:
         found = []
         for sent in (b"\n", b" ", b"\x7f", b"q"):
             os.write(master, sent)
-            found.append(await_press(presses))
-        assert presses.poll() is None
+            found.append(await_press(poll))
+        assert poll() is None
         os.close(master)
-        found.append(await_press(presses))
+        found.append(await_press(poll))
     assert found == [TAKE, TAKE, UNDO, FINISH, LEAVE]
     os.close(slave)

@@ -55,7 +55,7 @@ def record(run: Run, own_robot: Path, monkeypatch: pytest.MonkeyPatch):
                 yield choice
 
         monkeypatch.setattr(record_motion, "open_backend", open_unpaced)
-        monkeypatch.setattr(record_motion, "open_presses", lambda: nullcontext(hand))
+        monkeypatch.setattr(record_motion, "open_presses", lambda: nullcontext(hand.poll))
         wanted = ("--robot", str(own_robot), "--start", "squat", "--backend", backend)
         code, out, _ = run("motions", "record", "bow", *wanted)
         return code, " ".join(out.split())

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.experiments.judging.torque import estimate_torque
 from humanoid_getup.playback.estimation import SINKING
 from humanoid_getup.reporting.replay import ReplayReport
 from humanoid_getup.simulation.world import World
@@ -77,11 +76,6 @@ def place_measured(world: World, record: FlightRecord, report: ReplayReport) -> 
         place[:, :2] += _stay_on_ground(world, qpos[first:])
         qpos[:, layout.root_qpos + 2] -= lowest_points(world.model, qpos) + SINKING
     return qpos
-
-
-def estimate_torques(world: World, record: FlightRecord) -> Array:
-    """Estimate the torque of every servo from its current [N·m], (T, n); NaN where unknown."""
-    return estimate_torque(world.robot, record.state["joint_current"])
 
 
 def _stay_on_ground(world: World, qpos: Array) -> Array:

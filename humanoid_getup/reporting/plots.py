@@ -224,32 +224,23 @@ def save_styles(styles: Sequence[Style], file: Path) -> None:
     save_figure(figure, file, dpi=DPI)
 
 
-def save_following(
-    time: Array, wanted: Array, measured: Array, file: Path, *, title: str = ""
-) -> None:
-    """Plot wanted and measured features, (T, 3) each, over time [s], as PNG."""
-    figure = make_figure(WIDTH, HEIGHT)
-    axes = figure.subplots(1, len(LABELS))
-    for k, axis in enumerate(axes):
-        axis.plot(time, _in_units(wanted)[:, k], "--", color="black", label="wanted")
-        axis.plot(time, _in_units(measured)[:, k], color="C0", label="measured")
-    figure.suptitle(title, fontsize=10)
-    _finish_styles(figure, axes, float(time[-1]))
-    save_figure(figure, file, dpi=DPI)
-
-
 def save_followed(record: FlightRecord, file: Path, *, title: str = "") -> None:
     """Plot the style that a policy followed in a flight, as PNG, if it followed any."""
     guidance = record.tracks.get("guidance")
     if guidance is None:
         return
     time = record.time[np.searchsorted(record.state.cycle, guidance.cycle)] - record.time[0]
-    wanted, measured = guidance["wanted"].copy(), guidance["measured"].copy()
+    figure = make_figure(WIDTH, HEIGHT)
+    axes = figure.subplots(1, len(LABELS))
     # Between attempts nothing was followed: a gap, not a line across it.
-    paused = np.flatnonzero(np.diff(time) > PAUSE)
-    for features in (wanted, measured):
-        features[paused] = np.nan
-    save_following(time, wanted, measured, file, title=title)
+    paused = np.append(np.diff(time) > PAUSE, False)[:, np.newaxis]
+    for name, color, line in (("wanted", "black", "--"), ("measured", "C0", "-")):
+        features = _in_units(np.where(paused, np.nan, guidance[name]))
+        for k, axis in enumerate(axes):
+            axis.plot(time, features[:, k], line, color=color, label=name)
+    figure.suptitle(title, fontsize=10)
+    _finish_styles(figure, axes, float(time[-1]))
+    save_figure(figure, file, dpi=DPI)
 
 
 def _in_units(features: Array) -> Array:

@@ -35,6 +35,13 @@ class Folders:
             raise BadInputError(f"file {path}: expected a file in {self._list()} (see --folder)")
         return path
 
+    def resolve_new(self, kind: str, name: str, suffix: str) -> Path:
+        """Return the path of a file of some kind to write, whose name ends with a suffix."""
+        path = self.resolve(name)
+        if path.suffix != suffix:
+            raise BadInputError(f"{kind} {path.name}: expected a name that ends with {suffix}")
+        return path
+
     def resolve_folder(self, name: str, files: Iterable[str]) -> Path:
         """Return the path of a folder in which files are written, each of them by its name."""
         folder = self.resolve(name)

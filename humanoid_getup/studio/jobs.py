@@ -89,7 +89,7 @@ class Job(Generic[Request, Result]):
         return list(self._runs.values())
 
     def _do(self, request: Request, run: _Run) -> None:
-        if run.cancelled.is_set():
+        if run.is_replaced:
             return
         run.has_begun = True
         end: Result | Exception
@@ -123,6 +123,8 @@ class _Run:
             self._worker.cancel(GRACE)
 
     def do(self, work: Callable[..., Any], request: object) -> Any:
+        if self.cancelled.is_set():
+            raise CancelledError("cancelled")
         if self._worker is None:
             return work(request, self.cancelled.is_set)
         try:

@@ -9,9 +9,10 @@ import mujoco
 import numpy as np
 from mjviser import ViserMujocoScene
 from mjviser.conversions import merge_geoms
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
 
 from humanoid_getup.reporting.film_strip import paint
+from robots.body.shapes import find_hull
 from robots.quaternion import Array
 
 if TYPE_CHECKING:
@@ -171,14 +172,16 @@ class Stage:
         """Draw the center of mass on the ground, and the hull of the contacts with the world."""
         com = self._data.subtree_com[self.world.robot.layout(self._model).torso]
         points = self._find_supports()
-        hull = find_hull(points[:, :2])
+        points = points[np.isfinite(points).all(axis=1)]
+        hull = find_hull(points[:, :2]) if len(points) > 2 else None
         height = float(points[:, 2].max(initial=0.0)) + ABOVE
         self._com.visible = self.shows_balance
         self._support.visible = self.shows_balance and hull is not None
         self._com.position = np.array([*com[:2], height])
         self._com.color = BALANCED if hull is not None and contains(hull, com[:2]) else FALLING
         if hull is not None:
-            corners = np.column_stack([hull, np.full(len(hull), height)])
+            outline = hull.points[hull.vertices]
+            corners = np.column_stack([outline, np.full(len(outline), height)])
             self._support.points = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
     def _find_supports(self) -> Array:
@@ -188,16 +191,6 @@ class Stage:
         return contact.pos[np.any(root == 0, axis=1)]
 
 
-def find_hull(points: Array) -> Array | None:
-    """Find the corners of the hull of points (m, 2), in order; None if they span no area."""
-    try:
-        points = points[np.isfinite(points).all(axis=1)]
-        return points[ConvexHull(points).vertices] if len(points) > 2 else None
-    except QhullError:
-        return None
-
-
-def contains(hull: Array, point: Array) -> bool:
-    """Return whether a point lies within a hull, whose corners (m, 2) go around to the left."""
-    edge, to_point = np.roll(hull, -1, axis=0) - hull, point - hull
-    return bool(np.all(edge[:, 0] * to_point[:, 1] - edge[:, 1] * to_point[:, 0] >= 0.0))
+def contains(hull: ConvexHull, point: Array) -> bool:
+    """Return whether a point (2,) lies within a hull."""
+    return bool(np.all(hull.equations[:, :2] @ point + hull.equations[:, 2] <= 0.0))

@@ -18,13 +18,13 @@ from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.files import READ, ROBOT, Written, staging
 from humanoid_getup.commands.options import CommandRequest
+from humanoid_getup.experiments.judging.torque import estimate_torque
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting import plots
 from humanoid_getup.reporting.measured_flight import (
     Cut,
     FlightPostures,
-    estimate_torques,
     find_cuts,
     place_measured,
 )
@@ -127,7 +127,7 @@ def replay_flight(
             report=compared,
             measured=FlightPostures.of(world, place_measured(world, record, compared)),
             twin=FlightPostures.of(world, compared.twin_qpos),
-            torque=estimate_torques(world, record),
+            torque=estimate_torque(world.robot, record.state["joint_current"]),
             cuts=find_cuts(record),
             written=(),
         )

@@ -9,7 +9,6 @@ from typing import get_args
 
 import numpy as np
 
-from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import shorten_path
 from humanoid_getup.commands.inputs import find_keyframes
 from humanoid_getup.commands.motions.build_motions import BuildRequest
@@ -283,29 +282,20 @@ class KeyStore:
         self._page.say(f"Stored {keyframes.name} in {self._page.folders.name(path)}.")
 
     def _find_target(self) -> Path:
-        path = self._page.folders.resolve(self._target.value)
-        if path.suffix != SUFFIX:
-            raise BadInputError(
-                f"keyframes file {path.name}: expected a name that ends with {SUFFIX}"
-            )
-        return path
+        return self._page.folders.resolve_new("keyframes file", self._target.value, SUFFIX)
 
     def _show_command(self) -> None:
         """Show the commands that play and build the motion as it is stored."""
-        lines = self._write_commands()
-        text = make_block("\n".join(lines)) if lines else "A command plays stored keys."
-        self._command.content = text
-
-    def _write_commands(self) -> list[str]:
+        self._command.content = "A command plays stored keys."
         if self._stored is None or self._editor.keyframes is not self._stored:
-            return []
+            return
         name, robot, own = self._stored.name, self._page.request.robot, self._is_own
         file = None if own or self._file is None else shorten_path(self._file)
         preview = PreviewRequest(name=name, robot=robot, keyframes=file)
         lines = [write_command("motions preview", preview)]
         if own:
             lines.append(write_command("motions build", BuildRequest(names=(name,), robot=robot)))
-        return lines
+        self._command.content = make_block("\n".join(lines))
 
     @property
     def _is_own(self) -> bool:

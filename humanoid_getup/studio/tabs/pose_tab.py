@@ -225,9 +225,7 @@ class PoseTab:
         self._page.say(f"Loaded {self._page.folders.name(path)}.")
 
     def _save(self) -> None:
-        path = self._page.folders.resolve(self._file.value)
-        if path.suffix != SUFFIX:
-            raise ValueError(f"posture file {path.name}: expected a name that ends with {SUFFIX}")
+        path = self._page.folders.resolve_new("posture file", self._file.value, SUFFIX)
         write_atomically(path, format_posture(self._page.start, self._page.world.robot))
         self._page.say(f"Saved {self._page.folders.name(path)}.")
 

@@ -203,9 +203,7 @@ class StyleTab:
         self._page.say(f"Saved {self._page.folders.name(self._write_style())}.")
 
     def _write_style(self) -> Path:
-        path = self._page.folders.resolve(self._file.value)
-        if path.suffix != SUFFIX:
-            raise BadInputError(f"style file {path.name}: expected a name that ends with {SUFFIX}")
+        path = self._page.folders.resolve_new("style file", self._file.value, SUFFIX)
         self.editor.save(path)
         name, styles = self._page.folders.name(path), self._list_styles()
         self._style.options = styles

@@ -188,6 +188,15 @@ def test_a_request_at_once_ends_the_one_that_runs():
     assert bench.finish() == ["SECOND"]
 
 
+def test_a_request_that_waits_ends_as_cancelled_as_well():
+    bench = Bench()
+    bench.job.ask("first", at_once=False)
+    assert bench.begun.acquire(timeout=LONGEST)
+    bench.job.ask("second", at_once=False)
+    bench.job.cancel()
+    assert [type(end) for end in bench.finish()] == [CancelledError, CancelledError]
+
+
 def test_an_error_is_an_end_and_the_next_request_is_done():
     bench = Bench()
     bench.job.ask("bad", at_once=False)

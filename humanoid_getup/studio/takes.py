@@ -92,6 +92,8 @@ MOVE_TIME = 0.6  # s in which a move is shown
 SAMPLES = 20  # of a move
 ON_LEVEL = "Recorded on level ground: the ground and the obstacles that are drawn were not there."
 BETWEEN = "Between resting postures the robot is interpolated, not simulated."
+IN_DEGREES = np.array([1.0, 180.0 / np.pi, 180.0 / np.pi])
+"""Factors of the features of styles: a share of standing, and two angles [rad]."""
 TITLES = ("Neck height [share of standing]", "Side angle [deg]", "Front angle [deg]")
 
 
@@ -336,7 +338,7 @@ def _blend(world: World, way: Array, at: Array) -> Array:
 def make_rollout_take(rollout: StyledRollout) -> Take:
     """Make the take of a rollout."""
     wanted, followed = (
-        _in_units(np.append(features, features[-1:], axis=0))
+        np.append(features, features[-1:], axis=0) * IN_DEGREES
         for features in (rollout.wanted, rollout.measured)
     )
     plots = [
@@ -355,10 +357,6 @@ def make_rollout_take(rollout: StyledRollout) -> Take:
         marks=() if stand is None else (Mark(time=stand, text="stands"),),
         facts=(ended, str(rollout.followed)),
     )
-
-
-def _in_units(features: Array) -> Array:
-    return features * np.array([1.0, 180.0 / np.pi, 180.0 / np.pi])
 
 
 def _prepend(first: Array, rows: Array) -> Array:

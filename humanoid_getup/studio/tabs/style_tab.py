@@ -28,7 +28,7 @@ from humanoid_getup.studio.follow_style import (
 from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
-from humanoid_getup.studio.takes import make_rollout_take
+from humanoid_getup.studio.takes import IN_DEGREES, make_rollout_take
 from humanoid_getup.style.curves import LONGEST, POINTS, SHORTEST, is_stand
 from humanoid_getup.style.features import mirror_features
 from humanoid_getup.style.style import SUFFIX, Style, list_styles, load_style
@@ -40,7 +40,6 @@ from robots.storage.files import write_atomically
 POLICY = "styled"
 """Name of the policy that is chosen first, if there is one."""
 FEATURES = ("Neck height", "Side angle", "Front angle")
-IN_DEGREES = (1.0, 180.0 / math.pi, 180.0 / math.pi)
 SOURCES = (".npz", ".mcap", ".bvh", ".amc")
 STEP, FACTOR = 0.2, 1.25  # s; of one press of a button
 OFTEN = 0.5  # s between two rollouts while a point is dragged

@@ -34,7 +34,8 @@ from humanoid_getup.experiments.falls import find_rest
 from humanoid_getup.experiments.judging.summary import summarize
 from humanoid_getup.motions.motion import STANDING, Motion
 from humanoid_getup.motions.motion_database import find_motion
-from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play_in_simulation
+from humanoid_getup.playback.play import MotionPlayer, hold_time
+from humanoid_getup.playback.simulated_play import has_succeeded, play_in_simulation
 from humanoid_getup.playback.supervisor import make_stand
 from humanoid_getup.simulation.world import World
 

@@ -264,7 +264,7 @@ class Pacer:
         self._deadline += self.period
 
 
-FIRST_READS = 5  # at most: after a pause, one lost reply would leave values of before it
+FIRST_READS = 5  # at most: a reply lost right after a pause would repeat values from before it
 
 
 class _Loop:
@@ -288,7 +288,7 @@ class _Loop:
         start = state.time
         controller.reset(state)
         while not controller.done:
-            # A backend's clock sums periods: compare at half of one, beyond rounding.
+            # A backend's clock is a sum of periods, which is rounded: compare at half of one.
             if self.duration > max_time - 0.5 * self.guard.period:
                 return Ending.TIMEOUT, f"{max_time:g} s were up"
             measured = clock()

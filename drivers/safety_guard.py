@@ -85,7 +85,7 @@ class SafetyGuard(Backend):
         self.limits.check_range(self.robot)
         self._widest = self.limits
         self._reach = self.limits.max_velocity * self.period
-        self._is_limp = self.robot.strength == 0.0
+        self._never_driven = self.robot.strength == 0.0
         # Half a period less: ages are sums of periods, beyond rounding.
         self._hold_age = (self.limits.hold_cycles - 0.5) * self.period
         self._limp_age = (self.limits.limp_cycles - 0.5) * self.period
@@ -104,7 +104,7 @@ class SafetyGuard(Backend):
         self._judged_time = -np.inf
         self._low_since = np.inf
         self._stale_writes = 0
-        self._sent = self._limited = Command.limp(self.robot.n)
+        self._sent = self._limited = Command.limp(self.robot.n)  # as confirmed; as limited here
 
     @property
     def limit_by(self) -> LimitMode:
@@ -169,6 +169,7 @@ class SafetyGuard(Backend):
         """
         state = self.read()
         if not self._sent.is_limp and state.time - self._judged_time > self._longest_pause:
+            # Half a period: the next write is neither stale nor after a pause.
             self._limited, self._judged_time = self._stay(state), state.time - 0.5 * self.period
         return state
 
@@ -191,11 +192,11 @@ class SafetyGuard(Backend):
     def write(self, command: Command) -> Command:
         """Send a command within the limits, or torque off after a fault; return what was sent."""
         state = self.read() if self._state is None else self._state
-        fault = self.check_stop()
-        if fault is None or fault.kind is FaultKind.PAUSED:
-            self.fault = self._find_fault(command, state) or fault
+        earlier = self.check_stop()
+        if earlier is None or earlier.kind is FaultKind.PAUSED:
+            self.fault = self._find_fault(command, state) or earlier
         if self.fault and self.fault.kind is FaultKind.PAUSED and not command.is_limp:
-            limited = self._limited if fault else self._stay(state)
+            limited = self._limited if earlier else self._stay(state)
         elif self.fault:
             limited = Command.limp(self.robot.n)
         elif not command.is_limp and not state.joint_age.max() <= self._hold_age:
@@ -207,6 +208,7 @@ class SafetyGuard(Backend):
         return self._sent
 
     def _find_fault(self, command: Command, state: State) -> Fault | None:
+        """Find a fault of data, robot, command or loop; comparisons with NaN count as faults."""
         self._stale_writes = 0 if state.time > self._judged_time else self._stale_writes + 1
         pause = 0.0 if self._sent.is_limp else state.time - self._judged_time
         self._judged_time = max(self._judged_time, state.time)
@@ -231,10 +233,10 @@ class SafetyGuard(Backend):
     def _find_body_fault(self, state: State) -> Fault | None:
         """Find a fault of the robot itself."""
         names, limits = self.robot.joint_names, self.limits
-        alerts = state.alert * ~self._is_limp
+        alerts = state.alert * ~self._never_driven
         low = self._find_low_supply(state, is_reported=bool(alerts.any()))
         if low is not None and not np.any(alerts & ~HardwareError.VOLTAGE.value):
-            return low  # which servos report as well
+            return low  # some servos report nothing else
         if alerts.any():
             return Fault(FaultKind.SERVO_ERROR, _name_alerts(alerts, names), state.time)
         if (lost := self._find_lost(state)).size:
@@ -280,23 +282,24 @@ class SafetyGuard(Backend):
         )
 
     def _limit(self, command: Command, state: State) -> Command:
+        """Cut a command to the limits, and count what was cut for each joint."""
         limits = self.limits
         driven = self._sent.torque_limit > 0.0
         reference = np.where(driven, self._limited.joint_pos, state.joint_pos)
-        released = (command.torque_limit == 0.0) | self._is_limp
+        released = (command.torque_limit == 0.0) | self._never_driven
         wanted = np.where(released, state.joint_pos, command.joint_pos)
         in_range = _clip(wanted, limits.lower, limits.upper, reference)
         target = np.minimum(np.maximum(in_range, reference - self._reach), reference + self._reach)
         target = np.where(released, state.joint_pos, target)
         torque = np.minimum(command.torque_limit, limits.derate(state.temperature, state.voltage))
-        torque = np.where(self._is_limp, 0.0, torque)
+        torque = np.where(self._never_driven, 0.0, torque)
         gain = np.minimum(np.maximum(command.gain_scale, 0.0), 1.0)
         pwm = np.minimum(np.maximum(command.pwm_limit, 0.0), 1.0)
         held = ~released
         self._counts += (
             held & (in_range != wanted),
             held & (target != in_range),
-            ~self._is_limp & (torque != command.torque_limit),
+            ~self._never_driven & (torque != command.torque_limit),
             gain != command.gain_scale,
             pwm != command.pwm_limit,
         )

@@ -40,7 +40,7 @@ from drivers.state import Command, State
 from robots import Robot
 from robots.servo import LimitMode
 
-# s in which a silent servo is told again to switch its torque off: beside a watchdog, and without
+# s in which a silent servo is told again to switch its torque off: with a watchdog, and without
 RELEASE_TIME, UNWATCHED_RELEASE_TIME = 1.0, 5.0
 RELEASE_WAIT = 0.01  # s between two tries
 FRESH = 2.5  # periods; torque does not begin from an older position
@@ -134,7 +134,7 @@ class DynamixelBackend(Backend):
         self._fusion = ImuFusion(self.period)
         self._state: State | None = None
         self._written_at = -np.inf
-        self._cycle_start = self._bytes_before = 0
+        self._bytes_at_last_read = self._bytes_at_read = 0
 
     @property
     def statistics(self) -> Mapping[str, BusStatistics]:
@@ -144,7 +144,7 @@ class DynamixelBackend(Backend):
     @property
     def cycle_bytes(self) -> int:
         """Return the bytes on all wires, both ways, of the last whole cycle."""
-        return self._bytes_before - self._cycle_start
+        return self._bytes_at_read - self._bytes_at_last_read
 
     @property
     def eeprom_writes(self) -> int:
@@ -161,7 +161,7 @@ class DynamixelBackend(Backend):
         """
         if self._connected:
             return
-        may_drive = self._states.may_drive
+        may_drive = self._states.may_drive  # joints that may still drive must be released
         self._reset()
         self._states.may_drive = may_drive
         chains, states = self.chains, self._states
@@ -253,7 +253,10 @@ class DynamixelBackend(Backend):
         return self._unreleased
 
     def hand_over(self) -> tuple[str, ...]:
-        """Leave the joints under torque at ``close``, unless one does not confirm; return those."""
+        """Leave the joints under torque at ``close``, unless one does not confirm; return those.
+
+        Their watchdogs are switched off, so that they hold without a program.
+        """
         self._check_connected()
         states = self._states
         unconfirmed = states.may_drive.copy()
@@ -298,8 +301,8 @@ class DynamixelBackend(Backend):
     def _measure(self, now: float) -> None:
         states, chains = self._states, self.chains
         counts = [chain.bus.statistics for chain in chains]
-        self._cycle_start = self._bytes_before
-        self._bytes_before = sum(count.bytes_in + count.bytes_out for count in counts)
+        self._bytes_at_last_read = self._bytes_at_read
+        self._bytes_at_read = sum(count.bytes_in + count.bytes_out for count in counts)
         limit = np.inf
         if self._clock.is_real:
             limit = time.monotonic() + READ_SHARE * self.period

@@ -15,7 +15,8 @@ from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play_in_simulation
+from humanoid_getup.playback.play import MotionPlayer, hold_time
+from humanoid_getup.playback.simulated_play import has_succeeded, play_in_simulation
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots.kinematics import read_posture

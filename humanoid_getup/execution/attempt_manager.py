@@ -27,8 +27,8 @@ from robots import Posture
 MOST_REMEDIES = 5  # faults of a robot at rest after which it is not recovered again
 MOST_MOVES = 6  # to where there is room to rise, in one attempt
 MOST_PLANS = 3  # that are refused by the preflight, one after the other
-SEARCHED = {RiseStatus.STOOD, RiseStatus.MOVES}  # by plans that would not be the same again
-MISSED = {AbortKind.TILT, AbortKind.FELL, AbortKind.STUCK}  # a move ends elsewhere, no more
+SEARCHED = {RiseStatus.STOOD, RiseStatus.MOVES}  # plans of a search: a second one may differ
+MISSED = {AbortKind.TILT, AbortKind.FELL, AbortKind.STUCK}  # after these, a move still counts
 
 
 class AttemptManager:
@@ -96,8 +96,10 @@ class AttemptManager:
     def _try_all(
         self, attempts: list[Attempt], rng: np.random.Generator
     ) -> tuple[AttemptStatus, str]:
+        """Append attempts until one succeeds or all are made; return how they ended."""
         most = self._max_attempts
-        for self._number in range(1, most + 1):
+        for number in range(1, most + 1):
+            self._number = number
             attempt = self._attempt(rng)
             attempts.append(attempt)
             if attempt.release is not None:
@@ -142,7 +144,7 @@ class AttemptManager:
 
     def _prepare(self, rng: np.random.Generator) -> tuple[Attempt, Supervisor | None]:
         """Settle and plan; return the controller, ``None`` if nothing may be played."""
-        refused: list[Plan] = []
+        refused: list[Plan] = []  # kept when the robot starts to move and planning ends
         try:
             attempt, controller = self._plan_until_passed(rng, refused)
         except StartError as error:
@@ -159,13 +161,13 @@ class AttemptManager:
             side = classify(posture.orientation) or UNCLASSED
             self._report(Phase.PLANNING, self._describe(side, len(refused)))
             plan = self._strategy.plan(posture, rng)
-            attempt, controller = self._judge(plan, state)
+            attempt, controller = self._run_preflights(plan, state)
             attempt = replace(attempt, start_class=side)
             verdict = attempt.verdict
             if controller is not None or verdict is None or len(refused) + 1 == MOST_PLANS:
                 return attempt, controller
             has_tipped = False
-            if not verdict.passed:  # since it was planned for
+            if not verdict.passed:  # and not only the way down
                 now = self._estimate(self._measure()).orientation
                 has_tipped = measure_tilt(now, posture.orientation) > FAR_TILT
             if not has_tipped and not (verdict.another_may_pass and plan.status in SEARCHED):
@@ -183,14 +185,13 @@ class AttemptManager:
             text += f", plan {refused + 1}: the preflight refused the one before"
         return text
 
-    def _judge(self, plan: Plan, state: State) -> tuple[Attempt, Supervisor | None]:
+    def _run_preflights(self, plan: Plan, state: State) -> tuple[Attempt, Supervisor | None]:
         """Run the preflight of a plan, and that of the way down after its stand."""
         session = self._session
         if not (session.balance and session.has_imu):
             plan = plan.open_loop() or plan
         attempt = Attempt(number=self._number, plan=plan)
-        has_nothing = not plan.title and plan.controller(self._strategy) is None
-        if has_nothing or not session.preflight:
+        if not (plan.is_playable and session.preflight):
             return attempt, plan.controller(self._strategy)
         self._report(Phase.PREFLIGHT, plan.title)
         plan, verdict = self._preflight(plan, state)
@@ -205,10 +206,10 @@ class AttemptManager:
     def _preflight(self, plan: Plan, state: State) -> tuple[Plan, Verdict]:
         """Judge a plan, and again without feedback if it falls; return the one to play."""
         strategy = self._strategy
-        verdict = plan.preflight(strategy, state, self._locate)
+        verdict = plan.preflight(strategy, state, self._measure_posture)
         other = plan.open_loop() if verdict.falls else None
         if other is not None:
-            second = other.preflight(strategy, state, self._locate)
+            second = other.preflight(strategy, state, self._measure_posture)
             if second.passed:
                 return other, second
         return plan, verdict
@@ -227,7 +228,7 @@ class AttemptManager:
             self._recovery.remedy(fault)
         raise UnrecoveredError(f"{fault}, {MOST_REMEDIES} times in a row")
 
-    def _locate(self) -> Posture:
+    def _measure_posture(self) -> Posture:
         """Measure the robot's posture again."""
         return self._estimate(self._measure())
 
@@ -242,6 +243,7 @@ class AttemptManager:
             return self._guard.read()
 
     def _play(self, attempt: Attempt, controller: Supervisor) -> Attempt:
+        """Play and judge an attempt; what stands is kept standing, or lies down."""
         judge, after = self._session.make_judge(), None
         report = release = None
         try:
@@ -254,10 +256,10 @@ class AttemptManager:
                     on_cycle=self._keeper.watch,
                 )
                 completed = report.ending is Ending.DONE and controller.aborted is None
-                if judge.end() is not False and completed:
-                    may_balance = attempt.plan is None or attempt.plan.balanced
-                    may_balance &= self._session.balance
-                    after = self._keeper.keep(balanced=may_balance)
+                may_stand = judge.end() in (True, None)  # without an IMU it is unknown
+                if may_stand and completed:
+                    may_balance = attempt.plan is not None and attempt.plan.balanced
+                    after = self._keeper.keep(balanced=may_balance and self._session.balance)
         except UnreleasedError as error:
             if report is None:
                 raise

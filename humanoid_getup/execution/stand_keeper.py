@@ -28,8 +28,9 @@ from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_lying_down
-from humanoid_getup.playback.play import AnyJudge, has_succeeded, play_engaged
+from humanoid_getup.playback.play import AnyJudge, play_engaged
 from humanoid_getup.playback.preflight import Verdict, preflight
+from humanoid_getup.playback.simulated_play import has_succeeded
 from humanoid_getup.playback.supervisor import (
     make_stand,
     make_still,

@@ -41,8 +41,9 @@ HARD_DISTURBANCE = Disturbance(  # of a rise that must have a margin
 )
 TOUCH = 0.5 * DEEP_OVERLAP  # m; what a rollout avoids, so that the robot does not collide
 FEW = 2  # worlds in which a rise that stands is improved
-ENOUGH, ENOUGH_OF_BIG = 1.0, 0.9  # share of a check that must stand to stop searching
+ENOUGH, ENOUGH_IF_COARSE = 1.0, 0.9  # share of a check that must stand to stop searching
 HOPELESS = 0.4  # of the standing neck height: what never rose so far is not varied
+ROUNDING = 0.1  # s by which a stand may begin after the motion's end
 FIRST_CHECKS = 4  # rollouts of a check after which it may end, if it must be better than another
 
 
@@ -54,9 +55,9 @@ class DynamicsFilter:
     leave the joints' ranges nor move faster than the servos, and the torques stay within
     the servos' limits because the simulated servos have the same.
 
-    Where physics is expensive, rollouts and searches are those of a `coarse_world`, a search ends
-    sooner, and limbs that touch are left to the improvement; checks are always those of the world
-    itself.
+    For bodies with many contacts, whose physics is expensive, rollouts and searches are those of a
+    `coarse_world`, a search ends sooner, and limbs that touch are left to the improvement; checks
+    are always those of the world itself.
     """
 
     def __init__(
@@ -87,7 +88,7 @@ class DynamicsFilter:
         self._is_coarse = self._coarse.world is not world
         if self._is_coarse:
             self._fine = Experiment(world, threads=settings.threads)
-        self.enough = ENOUGH_OF_BIG if self._is_coarse else ENOUGH
+        self.enough = ENOUGH_IF_COARSE if self._is_coarse else ENOUGH
         """Share of the disturbed rollouts that must stand to stop searching."""
         self.hopeless = HOPELESS * world.robot.standing_neck_height if self._is_coarse else 0.0
         """Height of the neck [m] to which a failed rollout must have come to be varied."""
@@ -102,10 +103,10 @@ class DynamicsFilter:
         record = self._play_nominal(start, len(candidates), tracker, self._coarse)
         return self._read(record, candidates, tracker.moving, tracker.joined)
 
-    def follow(self, rollout: CandidateRollout) -> Candidate:
+    def fit_legs(self, rollout: CandidateRollout) -> Candidate:
         """Make a candidate whose legs fit the ground where a rollout of it came.
 
-        Beyond the moment at which its root was highest the robot is taken to have stayed there.
+        Later samples take the ground where its root was highest.
         """
         candidate = rollout.candidate
         if candidate.slowdown is not None:  # its cycles are not those of the reference
@@ -126,7 +127,7 @@ class DynamicsFilter:
         start: Posture,
         target: Array,
         rng: np.random.Generator,
-        worlds: int = CHECKS,
+        count: int = CHECKS,
         *,
         least: float = 0.0,
     ) -> float:
@@ -135,14 +136,15 @@ class DynamicsFilter:
         Returns the share that ended in a held stand; 0 if the undisturbed one did not, or if the
         share would be below the ``least``.
         """
-        self._monitor.begin(f"checking a rise in {worlds} disturbed worlds")
-        scenarios = self._disturb(start, rng, worlds)
+        self._monitor.begin(f"checking a rise in {count} disturbed worlds")
+        scenarios = self._disturb(start, rng, count)
         if least == 0.0:
             return self._check_in(self._fine, scenarios, target)[0]
-        first, rest = np.split(np.arange(worlds), [FIRST_CHECKS])
+        first, rest = np.split(np.arange(count), [FIRST_CHECKS])  # number 0 is undisturbed
         stood = self._compare(self._fine, scenarios.take(first), target).stood[0]
-        if compute_share(stood) == 0.0 or np.sum(~stood) > (1.0 - least) * worlds:
+        if compute_share(stood) == 0.0 or np.sum(~stood) > (1.0 - least) * count:
             return 0.0
+        # None of the rest is the undisturbed one, at whose fall a comparison gives up.
         others = self._compare(self._fine, scenarios.take(rest), target, give_up=False).stood[0]
         share = compute_share(np.concatenate([stood, others]))
         return share if share >= least else 0.0
@@ -172,7 +174,7 @@ class DynamicsFilter:
     def search(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
     ) -> tuple[CandidateRollout, float]:
-        """Search variations of a rollout's targets that stand under every disturbance.
+        """Search variations of a rollout's targets that stand under more disturbances.
 
         What stands in all the worlds it was searched in is checked in fresh ones. If it falls in
         some, the search continues from it in those. The budget is simulated time [s]. Returns the
@@ -187,7 +189,8 @@ class DynamicsFilter:
             share, simulated = self._check_in(self._coarse, worlds, target)
             budget -= found.simulated + simulated
             self.searched += found.simulated + simulated
-            if found.share < 1.0 or share == 1.0 or budget <= 0.0:
+            is_stuck, is_robust = found.share < 1.0, share == 1.0
+            if is_stuck or is_robust or budget <= 0.0:
                 break
         if self._is_coarse:
             share = self._check_in(self._fine, worlds, target)[0]
@@ -300,7 +303,7 @@ class DynamicsFilter:
         joined: NDArray[np.int_],
     ) -> list[CandidateRollout]:
         """Judge the rollouts of candidates."""
-        outcome = Outcome(record, self.world.robot, hold_time=FIRST_HOLD - 0.1)
+        outcome = Outcome(record, self.world.robot, hold_time=FIRST_HOLD - ROUNDING)
         cost, stood = self.preference.cost(outcome), outcome.stood & ~outcome.overloaded
         collides, neck = np.asarray(outcome.collides), record.stance.neck_height.max(axis=1)
         assert record.target is not None and record.overlap is not None  # every rollout has them

@@ -53,7 +53,7 @@ class Tree:
 
     @property
     def candidates(self) -> NDArray[np.bool_]:
-        """Return which nodes are worth growing from: live, with edges untried, (N,)."""
+        """Return which nodes have edges to try, (N,)."""
         return self._growable[: self.size]
 
     @property
@@ -225,9 +225,10 @@ class SearchResult:
     edges: int
     """Edges tried."""
     path: list[Array] = field(default_factory=list)
-    """From start to goal, both included; empty unless solved."""
+    """From start to goal, both included; empty if there is none. One that was refined and is not
+    solved still collides."""
     refined: bool = False
-    """Whether it was refined from loose to strict; a path that is not solved collides then."""
+    """Whether it was refined from loose to strict."""
 
 
 def search(
@@ -268,7 +269,7 @@ class _Search:
         a, b = 0, 1
         sample = self.trees[b].nodes[ROOT]
         self._meet(a, ROOT)
-        while self.meeting is None and not self._spent():
+        while self.meeting is None and not self._find_end():
             new = self._extend(a, sample)
             if new is not None and self.meeting is None:
                 self._connect(b, self.trees[a].nodes[new])
@@ -284,7 +285,7 @@ class _Search:
     def _connect(self, t: int, target: Array) -> None:
         """Repeat EXTEND towards a target while it comes closer."""
         tree, closest = self.trees[t], np.inf
-        while self.meeting is None and not self._spent():
+        while self.meeting is None and not self._find_end():
             new = self._extend(t, target)
             if new is None:
                 return
@@ -300,8 +301,8 @@ class _Search:
         first one, so that checks are spent on blossoms only where the straight edge fails.
         """
         tree = self.trees[t]
-        near = self._nearest(t, x)
-        if near is None or self.meeting is not None:
+        near = self._choose_or_revive(t, x)
+        if near is None or self.meeting is not None:  # what was revived may have met the other tree
             return near
         origin = tree.nodes[near].copy()
         goal = self.trees[1 - t].nodes[ROOT]
@@ -318,7 +319,7 @@ class _Search:
                 return node
         return None
 
-    def _nearest(self, t: int, x: Array) -> int | None:
+    def _choose_or_revive(self, t: int, x: Array) -> int | None:
         """Find the nearest node worth growing from; if none is left, revive a dormant edge."""
         tree = self.trees[t]
         candidates = tree.candidates
@@ -340,7 +341,7 @@ class _Search:
         if self.problem.is_within_step(x, y) and not self.problem.fails(x, y):
             self.meeting = (node, nearest) if t == 0 else (nearest, node)
 
-    def _spent(self) -> str:
+    def _find_end(self) -> str:
         """Return why the search ends without a path; empty while it may continue."""
         if self.edges >= self.options.max_edges:
             return f"{self.edges} edges tried, the budget is {self.options.max_edges}"
@@ -354,7 +355,7 @@ class _Search:
     def _result(self) -> SearchResult:
         nodes = sum(tree.size for tree in self.trees)
         if self.meeting is None:
-            status, reason, path = SearchStatus.BUDGET_SPENT, self._spent(), []
+            status, reason, path = SearchStatus.BUDGET_SPENT, self._find_end(), []
         else:
             status, reason = SearchStatus.SOLVED, ""
             there, back = (

@@ -1,4 +1,4 @@
-"""Smoothing of paths: cubic Bezier curves and their timing."""
+"""Smoothing of paths: shortcuts, cubic Bezier curves and their timing."""
 
 from __future__ import annotations
 
@@ -16,6 +16,54 @@ from robots.quaternion import Array
 
 SAMPLES = 24  # of each piece of the curve
 SHARPEST = 0.05  # below this roundness a corner is not rounded at all
+GAIN = 0.01  # of the metric; a segment that would be shortened by less stays
+
+
+def shorten(
+    problem: PostureProblem, path: list[Array], rng: np.random.Generator, rounds: int
+) -> list[Array]:
+    """Replace segments of a path by straight ones where those are free.
+
+    First the whole path is tried, then segments between pairs of points drawn from anywhere
+    on it, one in each round; then every node is dropped whose neighbors can be joined. A
+    shorter path is a faster rise.
+    """
+    if not problem.fails(path[0], path[-1]):
+        return [path[0], path[-1]]
+    for _ in range(rounds):
+        way = _ways(problem, path)
+        low, high = np.sort(rng.uniform(0.0, way[-1], size=2))
+        (i, a), (j, b) = _cut(problem, path, way, low), _cut(problem, path, way, high)
+        gain = high - low - float(problem.distance(a[None], b)[0])
+        if i < j and gain > GAIN and not problem.fails(a, b):
+            path = [*path[: i + 1], a, b, *path[j + 1 :]]
+    return _drop_needless(problem, path)
+
+
+def length(problem: PostureProblem, path: list[Array]) -> float:
+    """Compute the length of a path in the metric."""
+    return float(_ways(problem, path)[-1])
+
+
+def _ways(problem: PostureProblem, path: list[Array]) -> Array:
+    """Compute how far along the path its nodes lie, (K,)."""
+    steps = [float(problem.distance(b[None], a)[0]) for a, b in pairwise(path)]
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _cut(problem: PostureProblem, path: list[Array], way: Array, at: float) -> tuple[int, Array]:
+    """Find the edge and the point that lie ``at`` along the path."""
+    edge = min(int(np.searchsorted(way, at, side="right")) - 1, len(path) - 2)
+    share = (at - way[edge]) / max(way[edge + 1] - way[edge], 1e-12)
+    return edge, problem.blend(path[edge], path[edge + 1], np.array([share]))[0]
+
+
+def _drop_needless(problem: PostureProblem, path: list[Array]) -> list[Array]:
+    kept = [path[0]]
+    for k in range(1, len(path) - 1):
+        if problem.fails(kept[-1], path[k + 1]):
+            kept.append(path[k])
+    return [*kept, path[-1]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,14 +108,14 @@ def smooth(path: list[Array], roundness: Array) -> Curve:
     first, last = nodes[:1], nodes[-1:]
     corner, before, after = nodes[1:-1], nodes[:-2], nodes[2:]
     share = 0.5 * roundness[1:-1, None]
-    leave, enter = _blend(corner, before, share), _blend(corner, after, share)  # (K - 2, d)
+    arc_begin, arc_end = _blend(corner, before, share), _blend(corner, after, share)  # (K - 2, d)
     rounds = [
-        leave,
-        _blend(leave, corner, np.array(2.0 / 3.0)),
-        _blend(enter, corner, np.array(2.0 / 3.0)),
-        enter,
+        arc_begin,
+        _blend(arc_begin, corner, np.array(2.0 / 3.0)),
+        _blend(arc_end, corner, np.array(2.0 / 3.0)),
+        arc_end,
     ]
-    begin, end = np.concatenate([first, enter]), np.concatenate([leave, last])
+    begin, end = np.concatenate([first, arc_end]), np.concatenate([arc_begin, last])
     straights = [_blend(begin, end, np.array(k / 3.0)) for k in range(4)]  # (K - 1, d) each
     u = np.linspace(0.0, 1.0, SAMPLES + 1)[1:, None, None]
     samples, owner = [first], [np.zeros(1, dtype=np.intp)]
@@ -82,7 +130,7 @@ def smooth(path: list[Array], roundness: Array) -> Curve:
 
 
 def retime(curve: Curve, limits: SpeedLimits) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Follow a curve as fast as possible: one joint or the root is always at its limit.
+    """Follow a curve as fast as possible: on the way a joint or the root is always at its limit.
 
     Departure from [Lin12], section 4.3, whose speed is constant from end to end: a servo
     cannot jump to a speed, so the curve begins and ends with ``limits.ease``.
@@ -97,6 +145,7 @@ def retime(curve: Curve, limits: SpeedLimits) -> tuple[Array, Array, NDArray[np.
     ease = min(limits.ease, clock[-1])
     frames = math.ceil((clock[-1] + ease) / limits.period - 1e-9)
     time = limits.period * np.arange(frames + 1)
+    # Stretched to whole periods, hence a little below the limits.
     at = _ease(time * (clock[-1] + ease) / max(time[-1], 1e-12), clock[-1], ease)
     at = np.clip(at, 0.0, clock[-1])
     after = np.clip(np.searchsorted(clock, at), 1, len(clock) - 1)
@@ -170,53 +219,3 @@ def _ease(time: Array, distance: float, ease: float) -> Array:
         swell[0] + np.maximum(time - ease, 0.0),
         distance - swell[1] - np.maximum(whole - time - ease, 0.0),
     )
-
-
-GAIN = 0.01  # of the metric; a segment that would be shortened by less stays
-
-
-def shorten(
-    problem: PostureProblem, path: list[Array], rng: np.random.Generator, rounds: int
-) -> list[Array]:
-    """Replace segments of a path by straight ones where those are free.
-
-    First the whole path is tried, then segments between pairs of points drawn from anywhere
-    on it, one in each round; then every node is dropped whose neighbors can be joined. A
-    shorter path is a faster rise.
-    """
-    if not problem.fails(path[0], path[-1]):
-        return [path[0], path[-1]]
-    for _ in range(rounds):
-        way = _ways(problem, path)
-        low, high = np.sort(rng.uniform(0.0, way[-1], size=2))
-        (i, a), (j, b) = _cut(problem, path, way, low), _cut(problem, path, way, high)
-        gain = high - low - float(problem.distance(a[None], b)[0])
-        if i < j and gain > GAIN and not problem.fails(a, b):
-            path = [*path[: i + 1], a, b, *path[j + 1 :]]
-    return _drop_needless(problem, path)
-
-
-def length(problem: PostureProblem, path: list[Array]) -> float:
-    """Compute the length of a path in the metric."""
-    return float(_ways(problem, path)[-1])
-
-
-def _ways(problem: PostureProblem, path: list[Array]) -> Array:
-    """Compute how far along the path its nodes lie, (K,)."""
-    steps = [float(problem.distance(b[None], a)[0]) for a, b in pairwise(path)]
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _cut(problem: PostureProblem, path: list[Array], way: Array, at: float) -> tuple[int, Array]:
-    """Find the edge and the point that lie ``at`` along the path."""
-    edge = min(int(np.searchsorted(way, at, side="right")) - 1, len(path) - 2)
-    share = (at - way[edge]) / max(way[edge + 1] - way[edge], 1e-12)
-    return edge, problem.blend(path[edge], path[edge + 1], np.array([share]))[0]
-
-
-def _drop_needless(problem: PostureProblem, path: list[Array]) -> list[Array]:
-    kept = [path[0]]
-    for k in range(1, len(path) - 1):
-        if problem.fails(kept[-1], path[k + 1]):
-            kept.append(path[k])
-    return [*kept, path[-1]]

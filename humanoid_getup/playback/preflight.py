@@ -14,8 +14,8 @@ from humanoid_getup.experiments.falls import classify
 from humanoid_getup.experiments.judging.torque import LONG_SATURATION
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.posture_metric import measure_tilt
-from humanoid_getup.playback.play import describe_end
 from humanoid_getup.playback.preflight_rollout import Figures, measure
+from humanoid_getup.playback.simulated_play import describe_end
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
 from robots.quaternion import Array

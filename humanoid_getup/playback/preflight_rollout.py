@@ -16,7 +16,8 @@ from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.torque import find_longest, find_saturation
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
-from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play_in_simulation
+from humanoid_getup.playback.play import MotionPlayer, hold_time
+from humanoid_getup.playback.simulated_play import has_succeeded, play_in_simulation
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
 from robots.body.overlap import measure_pair_overlaps, overlaps_at

@@ -17,7 +17,7 @@ from robots.body.parts import leg_length
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
-REST = 0.6  # s after a failed rollout until the next path begins
+SETTLE_TIME = 0.6  # s after a failed rollout until the next path begins
 UNLIKE = 0.8  # cosine of the angle between attitudes that are alike
 MOST_ENDS = 3
 
@@ -42,10 +42,9 @@ class Continuation:
         self._waiting: list[End] = []
 
     def pick(self, tried: list[CandidateRollout]) -> list[End]:
-        """Pick up to three ends of different attitudes; where there are obstacles, those with most
-        room first.
+        """Pick up to three ends of the last round, of different attitudes.
 
-        Among obstacles, ends that were not picked wait for the next time.
+        Among obstacles those with most room come first, and the others wait for the next time.
         """
         ends = [self._end(failed) for failed in tried if not failed.stood]
         if self._places is not None:
@@ -60,7 +59,7 @@ class Continuation:
     def _end(self, failed: CandidateRollout) -> End:
         """Cut a rollout at the time from which the robot is at rest."""
         robot, model = self._world.robot, self._world.model
-        length = min(failed.moving + round(REST / robot.control_period), len(failed.target))
+        length = min(failed.moving + round(SETTLE_TIME / robot.control_period), len(failed.target))
         posture = read_posture(robot, model, failed.qpos[length - 1])
         places = self._places
         confinement = 0.0 if places is None else float(places.distance(posture.position))
@@ -77,28 +76,33 @@ OTHER_SLOWDOWNS = (
     Slowdown(tolerance=0.25, band=0.15, slowest=0.2),
     Slowdown(tolerance=0.15, band=0.15, slowest=0.4),
 )
-FIRST_CONNECTIONS, MORE_CONNECTIONS = 3, 3
-MOST_CONNECTIONS, MOST_ENTRIES = 12, 3  # where none of these stands: entries of each motion
-# Where motions were not made for the scene, more of them are tried.
-MORE_IN_SCENES, SECOND_ON_LEVEL, SECOND_ON_UNEVEN, MORE_FINALISTS = 19, 2, 6, 6
+FIRST_CONNECTIONS = 3  # connecting postures that are tried first
+MORE_CONNECTIONS = 3  # tried after them
+MORE_IN_SCENES = 19  # likewise, in a scene for which the motions were not made
+WIDER_CONNECTIONS = 12  # where none of these stands
+ENTRIES_OF_EACH = 3  # of each motion among those
+SECOND_ON_LEVEL, SECOND_ON_UNEVEN = 2, 6  # connecting postures from the end of a failed rollout
+MORE_FINALISTS = 6  # rollouts of a round that are checked where the scene is not flat
 CRAWL_FROM = 0.3  # leg lengths from a place to stand, from which a robot crawls before it rises
-CRAWLING = 4.0  # of the search budget, simulated in coarse steps to find a crawl
-REFITS = 3
-NEARLY_ALL = 0.9  # of a check on flat ground: what stands there gets no second tries
+CRAWL_BUDGETS = 4.0  # search budgets of simulated time in which a crawl is looked for
+REFITS = 3  # times that legs are fitted again to uneven ground
+NEARLY_ALL = 0.9  # share of a check on flat ground from which there are no second tries
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
-TRIES_AMONG_OBSTACLES = 4
-FINDING = 20.0  # of the search budget, simulated in coarse steps to find a motion
+TRIES_AMONG_OBSTACLES = 4  # likewise
+FINDING_BUDGETS = 20.0  # search budgets of simulated time in which a motion is looked for
 
 
 class FreeRise:
     """Searches for a rise by any of the stored motions.
 
     First the nearest connecting postures of a few motions are tried, and the cheapest rise that
-    stands is taken. If none stands, or none is good enough, further motions and slower paths
-    follow, on flat ground also without the virtual actuator and to more entries of each motion, on
-    uneven ground with better fitted legs; then new paths from the ends of the rollouts; then, on
-    flat ground, a motion that is found in physics from this start.
-    A rise that stands is improved by a search if the preference requires it. If limbs are so
+    stands is taken. If none stands in enough of its disturbed rollouts, further motions and slower
+    paths follow, on level ground also without the virtual actuator, on uneven ground with better
+    fitted legs, in a flat scene to more entries of each motion; then the targets of the best are
+    varied. What stands in fewer than `NEARLY_ALL` then is tried with less slowdown, and on new
+    paths from the ends of the last rollouts; what does not stand at all, in a flat scene, along a
+    motion that is found in physics from this start.
+    A rise that stands is improved by a search where the preference asks for it. If limbs are so
     interlocked that no path leaves the start, the robot is moved straight, and limbs may yield. A
     robot without room to stand crawls first: the rise has to be planned again after that.
     """
@@ -106,6 +110,7 @@ class FreeRise:
     def __init__(self, tools: SearchTools) -> None:
         self._tools, scene = tools, tools.world.scene
         self._leg = leg_length(tools.world.robot)
+        # Level ground may have obstacles; a flat scene has none, and is the same everywhere.
         self._is_flat, self._is_level = scene.is_flat, scene.ground.is_level
         self._second = SECOND_ON_LEVEL if self._is_level else SECOND_ON_UNEVEN
         self._finalists = FINALISTS if self._is_flat else MORE_FINALISTS
@@ -120,7 +125,7 @@ class FreeRise:
         connections = self._tools.database.select(start, FIRST_CONNECTIONS + more)
         places = self._find_standing_places(start)
         if places and places.distance(start.position) > CRAWL_FROM * self._leg:
-            near, budget = CRAWL_FROM * self._leg, CRAWLING * self._tools.budget
+            near, budget = CRAWL_FROM * self._leg, CRAWL_BUDGETS * self._tools.budget
             crawl = self._tools.finder.crawls.find(start, places.distance, near, budget, rng)
             if crawl is not None:
                 return FoundRise(crawl=crawl, plan_s=time.perf_counter() - began)
@@ -129,7 +134,7 @@ class FreeRise:
         plan_s = time.perf_counter() - began
         search = RiseSearch(self._tools, start, rng)
         try:
-            planned = self._try_first(search, first, start, connections, rng)
+            self._try_first(search, first, start, connections, rng)
             self._try_second(search, first, places, rng)
             self._try_found(search, start, rng)
             search.improve()
@@ -138,7 +143,7 @@ class FreeRise:
             raise KeyboardInterrupt(
                 f"planning was in round {search.found.rounds}, {search.found.describe(standing)}"
             ) from None
-        planned = approach.planning and (planned or bool(first))
+        planned = approach.planning and bool(first)
         return replace(search.found, planned=planned, plan_s=plan_s)
 
     def _try_first(
@@ -148,8 +153,8 @@ class FreeRise:
         start: Posture,
         connections: list[Connection],
         rng: np.random.Generator,
-    ) -> bool:
-        """Try from the start; return whether there are further paths."""
+    ) -> None:
+        """Try from the start: the first paths, further ones, and variations of targets."""
         approach, further = self._tools.approach, list[Candidate]()
         search.try_all(first)
         if not first:
@@ -164,12 +169,11 @@ class FreeRise:
                 search.try_all(first + further, MORE_FINALISTS)
                 search.refit(REFITS, MORE_FINALISTS)
         if first and self._is_flat and search.found.rollout is None:
-            connections = self._tools.database.select(start, MOST_CONNECTIONS, MOST_ENTRIES)
+            connections = self._tools.database.select(start, WIDER_CONNECTIONS, ENTRIES_OF_EACH)
             wider = approach.candidates(start, connections, rng)
             search.try_all(wider + self._drop_assistance(wider), self._finalists)
         if not search.is_done:
             search.vary()
-        return bool(further)
 
     def _try_second(
         self,
@@ -178,7 +182,7 @@ class FreeRise:
         places: StandingPlaces | None,
         rng: np.random.Generator,
     ) -> None:
-        """Try stronger slowdown, and then from the ends of the rollouts, until one is robust."""
+        """Try with less slowdown, and then from the ends of the rollouts, until one is enough."""
         if self._is_enough(search):
             return
         if search.tried:
@@ -203,7 +207,7 @@ class FreeRise:
         """Find a motion in physics where no stored one leads to a stand on flat ground."""
         if not self._is_flat or search.found.rollout is not None:
             return
-        found = self._tools.finder.find(start, FINDING * self._tools.budget, rng)
+        found = self._tools.finder.find(start, FINDING_BUDGETS * self._tools.budget, rng)
         search.try_all(self._tools.approach.move_straight(start, found))
         if found and not search.is_done:
             search.vary()

@@ -11,10 +11,10 @@ import numpy as np
 
 from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.motions.motion_database import KeyPosture
-from humanoid_getup.planning.path_planner import REST
+from humanoid_getup.planning.key_path import KEY_REST
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.approach import KeyRoutes
 from humanoid_getup.strategies.free_rise import SLOWDOWN
+from humanoid_getup.strategies.key_routes import KeyRoutes
 from humanoid_getup.strategies.plan import KeyFigures, KeyRecord
 from humanoid_getup.strategies.rise_search import FoundRise, RiseSearch, SearchTools
 from robots import Posture, quaternion
@@ -83,7 +83,7 @@ def _pick_in_order(distance: Array) -> list[int]:
     return frames[::-1]
 
 
-RESTS = (REST, 0.0)  # s at each key: where none stands that rests, some may that go on
+RESTS = (KEY_REST, 0.0)  # s at each key: where none stands that rests, some may that go on
 CORRECTIONS = 3  # times that targets are shifted by the error at each key
 FLAT, FADE = 0.1, 0.3  # s around a key in which targets are shifted in full, and until not at all
 MOST_SELECTIONS = 7  # of keys, that are tried one after the other

@@ -143,6 +143,11 @@ class Plan:
         return self.motion.strategy if self.motion else self.title
 
     @property
+    def is_playable(self) -> bool:
+        """Return whether there is a motion to play or a policy to run."""
+        return self.motion is not None or self.policy is not None
+
+    @property
     def is_balanced(self) -> bool:
         """Return whether a motion is played with feedback to the ankles."""
         return bool(self.motion and self.motion.rises) and self.balanced and self.tracked

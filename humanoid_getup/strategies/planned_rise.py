@@ -98,13 +98,16 @@ class PlannedRise:
         if not self.settings.filtering:
             return self._chain_unfiltered(start, rng)
         began = time.perf_counter()
-        self._tools.begin()
+        self._tools.reset_counts()
         found = keyed = KeyedRise(self._tools, self.keys).search(start, rng)
         if keyed.rollout is None:
-            found = FreeRise(self._tools).search(start, rng)
-            found.keys = keyed.keys
-            found.rounds += keyed.rounds
-            found.plan_s += keyed.plan_s
+            free = FreeRise(self._tools).search(start, rng)
+            found = replace(
+                free,
+                keys=keyed.keys,
+                rounds=keyed.rounds + free.rounds,
+                plan_s=keyed.plan_s + free.plan_s,
+            )
         return self._conclude(start, found, time.perf_counter() - began - found.plan_s)
 
     def describe_gap(self, side: str | None) -> str:

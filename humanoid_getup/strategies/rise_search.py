@@ -38,13 +38,13 @@ class SearchTools:
     monitor: ProgressMonitor = field(default_factory=ProgressMonitor)
     """Shows the steps, and ends the search between two of them if it is canceled."""
 
-    def begin(self) -> None:
+    def reset_counts(self) -> None:
         """Count rollouts and simulated time from 0, for a new plan.
 
         The difference of two running totals would be rounded by the plans before.
         """
         self.filter.count, self.filter.searched = 0, 0.0
-        self.finder.begin()
+        self.finder.reset_count()
 
     @property
     def searched(self) -> float:
@@ -153,7 +153,7 @@ class RiseSearch:
         for _ in range(times):
             if self.is_done:
                 return
-            self.try_all([self._filter.follow(r) for r in self.tried], finalists)
+            self.try_all([self._filter.fit_legs(r) for r in self.tried], finalists)
 
     def vary(self) -> None:
         """Vary the targets of the best rollout, or of the failed ones that rose highest."""

@@ -11,7 +11,7 @@ from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.policies import load_policy
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.playback.estimation import check_start, settle
-from humanoid_getup.playback.play import play_in_simulation
+from humanoid_getup.playback.simulated_play import play_in_simulation
 from humanoid_getup.playback.supervisor import supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor

@@ -72,11 +72,11 @@ def rise(
 
     Cancellation is checked at every phase, in every control cycle, and between the steps of a plan,
     the longest of which take a few seconds.
-    Without an operator, a robot that is held sits down as soon as its stand is judged.
+    Without an operator, a robot that holds its stand sits down as soon as that is judged.
 
     Raises:
-        CancelledError: if it was canceled; torque is off, and of the files there is at most the
-            flight log.
+        CancelledError: if it was canceled; torque is off, and no file is written, except perhaps
+            the flight log.
         KeyboardInterrupt: if it was interrupted; torque is off, unless its text says that the
             robot was handed over.
     """

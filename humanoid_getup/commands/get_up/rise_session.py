@@ -61,14 +61,15 @@ def run_session(
         start = _choose_start(request, world, motion, rng, monitor.tell)
         if start is not None and choice.place is not None:
             choice.place(start.posture)
-        own_start = start if request.origin is None else None
+        # At the start of its motion a simulated robot rests already, and need not settle.
+        motion_start = start if request.origin is None else None
         about = {} if motion is None else {"motion": motion.name}
-        log = make_log(request, world.robot, own_start and own_start.posture, **about)
+        log = make_log(request, world.robot, motion_start and motion_start.posture, **about)
         with recording(log, monitor.tell) as recorder:
             hooks = SessionHooks(request, choice, recorder, monitor, operator or NoOperator())
             chosen = SessionOptions(
                 start_class=start and start.start_class,
-                settle=own_start is None,
+                settle=motion_start is None,
                 balance=request.balance,
                 then=request.ending,
                 **options,
@@ -98,7 +99,7 @@ def _choose_start(
     rng: np.random.Generator,
     tell: Callable[[str], None],
 ) -> Fall | None:
-    """Find where a simulated robot starts; ``None`` for a real one, which starts as it lies."""
+    """Find where a simulated robot is placed; ``None`` if the robot starts as it lies."""
     if request.origin is not None:
         return find_start(world, request.origin, rng, tell)
     if request.is_real or motion is None:

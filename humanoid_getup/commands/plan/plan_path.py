@@ -31,7 +31,8 @@ from humanoid_getup.motions.motion_database import (
 )
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.path_planner import PathOptions, PathResult, place_stops, plan_via
+from humanoid_getup.planning.key_path import place_stops, plan_via
+from humanoid_getup.planning.path_planner import PathOptions, PathResult
 from humanoid_getup.planning.placement import WayOut, find_way_out
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.progress.callback import ProgressMonitor

@@ -17,9 +17,9 @@ from humanoid_getup.commands.inputs import find_motion, load_world, make_torque_
 from humanoid_getup.commands.options import BodyOption, MotionName, SceneOptions, TorqueOptions
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback import preflight as judging
-from humanoid_getup.playback.play import describe_end
 from humanoid_getup.playback.preflight import MotionVerdict, ReasonKind
 from humanoid_getup.playback.preflight_rollout import MOST_RISES
+from humanoid_getup.playback.simulated_play import describe_end
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit

@@ -10,7 +10,8 @@ from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
-from humanoid_getup.playback.play import MotionPlayer, has_succeeded, hold_time, play
+from humanoid_getup.playback.play import MotionPlayer, hold_time, play
+from humanoid_getup.playback.simulated_play import has_succeeded
 from robots import Robot, TorqueLimit, load_robot
 from robots.kinematics import read_posture
 

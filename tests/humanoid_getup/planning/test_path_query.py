@@ -17,13 +17,8 @@ from humanoid_getup.motions.motion import NO_END
 from humanoid_getup.motions.motion_database import Connection, KeyPosture, load_key, name_keys
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker, check_keys
-from humanoid_getup.planning.path_planner import (
-    REST,
-    PathOptions,
-    PathResult,
-    place_stops,
-    plan_via,
-)
+from humanoid_getup.planning.key_path import KEY_REST, place_stops, plan_via
+from humanoid_getup.planning.path_planner import PathOptions, PathResult
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
@@ -103,7 +98,7 @@ def test_the_path_passes_through_every_key_in_order_and_rests_there(op3, found, 
         assert abs(path.orientation[arrival] @ stop.orientation) == pytest.approx(1.0)
     np.testing.assert_allclose(np.diff(path.time), op3.control_period)
     for arrival in found.arrivals:
-        still = path.joint_pos[arrival - round(REST / op3.control_period) : arrival + 1]
+        still = path.joint_pos[arrival - round(KEY_REST / op3.control_period) : arrival + 1]
         assert len(still) > 30
         np.testing.assert_array_equal(still, still[:1].repeat(len(still), axis=0))
 

@@ -10,7 +10,7 @@ from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
-from humanoid_getup.planning.path_planner import plan_via
+from humanoid_getup.planning.key_path import plan_via
 from humanoid_getup.planning.placement import (
     DEEP,
     DISTANCES,

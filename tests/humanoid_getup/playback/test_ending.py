@@ -9,7 +9,7 @@ from records import make_record
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.playback.play import has_succeeded
+from humanoid_getup.playback.simulated_play import has_succeeded
 from robots import Robot, quaternion
 
 SUPINE = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -np.pi / 2)

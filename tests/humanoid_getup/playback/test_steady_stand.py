@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
-from humanoid_getup.playback.play import STEADY_SPEED, STEADY_TIME, SteadyStand
+from humanoid_getup.playback.simulated_play import STEADY_SPEED, STEADY_TIME, SteadyStand
 
 PERIOD = 0.01
 

@@ -12,7 +12,7 @@ from drivers import Twin
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.motions.motion_database import KeyPosture, find_motion, load_key
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.approach import find_stretches
+from humanoid_getup.strategies.key_routes import find_stretches
 from humanoid_getup.strategies.keyed_rise import CLOSE_JOINT, find_passes
 from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise

@@ -13,12 +13,12 @@ from humanoid_getup.scenes.scene import FLAT_SCENE, lying
 from humanoid_getup.simulation.placement import StandingPlaces
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.free_rise import (
+    ENTRIES_OF_EACH,
     FIRST_CONNECTIONS,
     MORE_CONNECTIONS,
-    MOST_CONNECTIONS,
     MOST_ENDS,
-    MOST_ENTRIES,
-    REST,
+    SETTLE_TIME,
+    WIDER_CONNECTIONS,
     Continuation,
     FreeRise,
 )
@@ -135,11 +135,11 @@ def test_where_nothing_stands_more_entries_of_each_motion_are_tried_and_then_one
     entries = [
         (c.connection.motion.name, c.connection.frame) for c in dynamics.rounds[2] if c.assistance
     ]
-    assert len(entries) == len(set(entries)) == MOST_CONNECTIONS
+    assert len(entries) == len(set(entries)) == WIDER_CONNECTIONS
     for tried in (dynamics.rounds[1], dynamics.rounds[2]):
         assert any(c.assistance == 0.0 for c in tried)
     names = [name for name, _ in entries]
-    assert max(map(names.count, names)) == MOST_ENTRIES
+    assert max(map(names.count, names)) == ENTRIES_OF_EACH
 
 
 @pytest.mark.parametrize(("share", "has_second_tries"), [(15 / 16, False), (13 / 16, True)])
@@ -178,7 +178,7 @@ def test_alike_ends_are_picked_once_and_cut_at_rest(op3: Robot):
     stood.stood = True
     ends = Continuation(world, None).pick(cast("list[Any]", [*tried, stood]))
     assert len(ends) == MOST_ENDS
-    length = MOVING + round(REST / op3.control_period)
+    length = MOVING + round(SETTLE_TIME / op3.control_period)
     assert all(len(end.target) == length for end in ends)
 
 

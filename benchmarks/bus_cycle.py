@@ -97,22 +97,18 @@ def serve(baud: int, pipe: Connection) -> None:
     with VirtualBus(robot.chains["main"], StillPhysics(robot.chains["main"])) as bus:
         pipe.send(bus.path)
         pipe.recv()
-        statistics = bus.statistics
-        pipe.send(statistics.lateness_total / max(statistics.deliveries, 1))
 
 
 @contextmanager
-def bus_at(baud: int) -> Iterator[tuple[str, list[float]]]:
-    """Run a bus in a separate process; yield its path, and a list for its lateness [s]."""
+def bus_at(baud: int) -> Iterator[str]:
+    """Run a bus in a separate process; yield its path."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=serve, args=(baud, theirs), daemon=True)
     process.start()
-    lateness: list[float] = []
     try:
-        yield ours.recv(), lateness
+        yield ours.recv()
         ours.send("stop")
-        lateness.append(ours.recv())
     finally:
         process.join(10.0)
         process.terminate()
@@ -378,14 +374,13 @@ def measure_all(cycles: int, bauds: tuple[int, ...]) -> dict[str, dict[str, floa
     cases: dict[str, dict[str, float]] = {}
     for baud in bauds:
         for name, client in CLIENTS.items():
-            with bus_at(baud) as (path, lateness):
+            with bus_at(baud) as path:
                 try:
                     with client(path, baud) as ready:
                         case = measure(ready, cycles, baud)
                 except ImportError as error:
                     print(f"{name}: skipped, {error}", file=sys.stderr)
                     continue
-            case["bus_late_us"] = lateness[0] * 1e6
             cases[f"{name} at {baud / 1e6:g} Mbps"] = case
             figures = ", ".join(f"{key} {value:.4g}" for key, value in case.items())
             print(f"{name:22} {baud / 1e6:g} Mbps: {figures}", flush=True)

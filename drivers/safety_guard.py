@@ -236,7 +236,7 @@ class SafetyGuard(Backend):
         alerts = state.alert * ~self._never_driven
         low = self._find_low_supply(state, is_reported=bool(alerts.any()))
         if low is not None and not np.any(alerts & ~HardwareError.VOLTAGE.value):
-            return low  # some servos report nothing else
+            return low  # also where servos report only this
         if alerts.any():
             return Fault(FaultKind.SERVO_ERROR, _name_alerts(alerts, names), state.time)
         if (lost := self._find_lost(state)).size:

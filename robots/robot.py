@@ -22,6 +22,10 @@ from robots.transmission import Coupling, Transmission
 
 SPEED_SHARE = 0.999  # of a servo's speed in targets, so that rounding does not exceed it
 LONGEST_TIMESTEP = 0.002  # s; contacts and servos need no shorter step, and bear no longer one
+# MuJoCo's dry friction is soft: with these a loaded joint hardly creeps (7 mrad instead of 99 in
+# public logs of an XL330 at P 800). Servos without friction by load keep MuJoCo's own.
+STIFF_SOLREF, STIFF_SOLIMP = (0.002, 1.0), (0.99, 0.999, 0.001)
+LOWEST_SUPPLY = 0.5  # V, however much current flows
 ROBOTS_FOLDER = Path(__file__).parent
 
 # MuJoCo's own log goes to the terminal, not to MUJOCO_LOG.TXT in the working folder.
@@ -143,7 +147,7 @@ class JointArrays:
             "current_damping": [m.damping_gain(m.d_gain) for m in models],
         }
         geared = Transmission(np.array([servo.gear for servo in servos]), couplings)
-        speed = geared.motion_at_actuator(np.array([m.no_load_speed for m in models]))
+        speed = geared.motion_at_actuator(np.array([m.top_speed for m in models]))
         derived = (
             {name: np.array(values) for name, values in plain.items()}
             | {name: geared.torque_at_actuator(np.array(v)) for name, v in torques.items()}
@@ -186,6 +190,8 @@ class Robot(JointArrays):
     mirror_sign: Array
     """Sign of its angle there, (n,)."""
     model_file: Path
+    supply_resistance: float = 0.0
+    """Resistance of battery and wires, through which all currents flow [Ω]."""
     bus: BusSettings | None = None
     """How its servos are reached; None if not described."""
     imu: ImuSettings | None = None
@@ -318,6 +324,11 @@ class Robot(JointArrays):
             actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
         turned.armature = motor.armature * gear**2
         turned.frictionloss = motor.friction * gear
+        if motor.viscous_friction:
+            turned.damping[0] += motor.viscous_friction * gear**2
+        if motor.loads_gears:
+            turned.solref_friction[:] = STIFF_SOLREF
+            turned.solimp_friction[: len(STIFF_SOLIMP)] = STIFF_SOLIMP
         gain, slope = float(self.position_gain[i]), float(self.torque_speed_slope[i])
         actuator.set_to_dcmotor(
             motorconst=[float(self.motor_constant[i])] * 2,
@@ -344,6 +355,21 @@ class Robot(JointArrays):
             root_dof=int(model.jnt_dofadr[root]),
             torso=model.body(self.torso).id,
         )
+
+    def sag(self, voltage: Array | float, torque: Array, actuator_vel: Array) -> Array:
+        """Compute the supply at the servos under load, (...) [V].
+
+        Args:
+            voltage: Supply without load [V], (...).
+            torque: Torques of the actuators [N·m], (..., n).
+            actuator_vel: Their speeds [rad/s], (..., n).
+        """
+        resistance = np.array([joint.servo.model.resistance for joint in self.joints])
+        needed = torque * resistance / self.motor_constant + self.motor_constant * actuator_vel
+        share = np.clip(needed / np.asarray(voltage)[..., None], -1.0, 1.0)
+        current = np.sum(share * torque / self.torque_per_ampere, axis=-1)
+        sagged = voltage - self.supply_resistance * np.maximum(current, 0.0)
+        return np.maximum(sagged, LOWEST_SUPPLY)
 
     def round_current(self, torque: Array | float) -> Array:
         """Round torques down to those of whole counts of the motors' current [N·m], (..., n)."""

@@ -51,7 +51,17 @@ class ServoModel:
     armature: Annotated[float, positive(1.0, "kg·m²")]
     """Rotor inertia seen at the horn [kg·m²]."""
     friction: Annotated[float, between(0.0, 50.0, "N·m")]
-    """Dry friction at the horn [N·m]."""
+    """Dry friction at the horn without load [N·m]."""
+    viscous_friction: Annotated[float, between(0.0, 50.0, "N·m·s/rad")] = 0.0
+    """Friction per speed at the horn [N·m·s/rad]."""
+    load_friction: Annotated[float, between(0.0, 1.0)] = 0.0
+    """Dry friction of the gears per torque of the motor."""
+    load_friction_slope: Annotated[float, between(0.0, 100.0, "1/(N·m)")] = 0.0
+    """Growth of that share per torque of the motor [1/(N·m)]."""
+    stiction: Annotated[float, between(0.0, 1.0)] = 0.0
+    """Further friction per torque of the motor at standstill."""
+    stiction_speed: Annotated[float, positive(100.0, "rad/s")] = 0.1
+    """Speed at which the stiction is down to 37 % [rad/s]."""
     current_step: Annotated[float, between(0.0, 0.1, "A")]
     """Current of a count, measured and limited [A]; 0 for a servo without current sensor."""
     min_voltage: Volts
@@ -109,6 +119,23 @@ class ServoModel:
         return self.motor_constant * self.nominal_voltage / self.stall_torque
 
     @property
+    def top_speed(self) -> float:
+        """Return the speed of the horn without load at nominal voltage [rad/s].
+
+        That of the ideal motor, unless the friction of its gears is known.
+        """
+        if not (self.loads_gears or self.viscous_friction):
+            return self.no_load_speed
+        low, high = 0.0, self.no_load_speed
+        for _ in range(40):
+            speed = 0.5 * (low + high)
+            motor = self.stall_torque - self.torque_speed_slope * speed
+            lost = motor * (self.load_friction + self.load_friction_slope * motor)
+            is_driven = motor - lost > self.friction + self.viscous_friction * speed
+            low, high = (speed, high) if is_driven else (low, speed)
+        return low
+
+    @property
     def torque_speed_slope(self) -> float:
         """Return the torque lost per speed to back-EMF [N·m·s/rad]."""
         return self.stall_torque / self.no_load_speed
@@ -117,6 +144,11 @@ class ServoModel:
     def torque_per_ampere(self) -> float:
         """Return the torque per motor current at the stall point, friction included [N·m/A]."""
         return self.stall_torque / self.stall_current
+
+    @property
+    def loads_gears(self) -> bool:
+        """Return whether the friction of its gears grows with the torque of its motor."""
+        return max(self.load_friction, self.load_friction_slope, self.stiction) > 0.0
 
     @property
     def has_current_mode(self) -> bool:

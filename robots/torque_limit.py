@@ -109,6 +109,8 @@ class Drive:
     by_current: NDArray[np.bool_] | bool = False
     """Whether the position loop commands a current, as in current-based position mode, and not a
     share of the supply."""
+    follows_supply: NDArray[np.bool_] | bool = False
+    """Whether the largest torque is the motor's at the nominal supply, and not a limit."""
     damping: Array | None = None
     """Damping of the loop that commands a current [N·m·s/rad]; ``None`` for the robot's own."""
 
@@ -121,6 +123,15 @@ class Drive:
         """Return whether all values are the same."""
         pairs = ((value, vars(other)[name]) for name, value in vars(self).items())
         return other is self or all(np.array_equal(value, same) for value, same in pairs)
+
+    def limits(self, robot: Robot, voltage: Array | float) -> Array:
+        """Compute the largest torques of a robot's servos at a supply (...) [V], (..., n) [N·m].
+
+        The stall torque of position mode follows a supply above the nominal one; below it, the
+        voltage alone limits a motor that drives, and one that brakes has its nominal torque.
+        """
+        share = np.asarray(voltage, dtype=float)[..., None] / robot.nominal_voltage
+        return self.torque * np.where(self.follows_supply, np.maximum(share, 1.0), 1.0)
 
     def gains(self, robot: Robot, voltage: Array | float) -> Array:
         """Compute the ``actuator_gainprm`` of a robot's servos at a supply, (..., n, 10).
@@ -179,4 +190,5 @@ def limit_servos(
         pwm=pwm,
         gain_scale=gain_scale,
         by_current=is_current,
+        follows_supply=is_pwm,
     )

@@ -14,6 +14,7 @@ from drivers.errors import NoImuError, SetupError
 from drivers.twin.device_models import TwinImu, Windings
 from drivers.twin.ground_truth import GroundTruth
 from robots import Posture, Robot
+from robots.gear_friction import GearFriction
 from robots.ground import GROUND_FRICTION, add_ground
 from robots.kinematics import place
 from robots.quaternion import Array
@@ -67,13 +68,14 @@ class Simulation:
         if voltage is not None and not 0.0 < voltage < math.inf:
             raise ValueError(f"voltage is {voltage:g} V, expected a finite number above 0 V")
         self._supply = robot.supply_voltage if voltage is None else voltage
-        self._supply_varies = False
+        self._supply_varies = robot.supply_resistance > 0.0
         self._windings = Windings(robot)
         self._imu: TwinImu | None = None
         if robot.imu_site is not None:
             self._imu = TwinImu(self.model, robot.imu_site)
         self.truth = GroundTruth(robot, self.model, self.data)
         self._grip: Grip | None = None
+        self._friction = GearFriction(robot, self.model)
         self.on_sensor_update: list[Callable[[], None]] = []
         """Called after each `update_sensors`."""
         self.on_step: list[Callable[[], None]] = []
@@ -137,6 +139,8 @@ class Simulation:
         self.voltage = self._supply
         """Supply at the servos [V]."""
         self._drive: Drive | None = None
+        if not self._friction.is_constant:
+            self._load_gears()
         self.drive(posture.joint_pos, Drive.released(self.robot.n))
         mujoco.mj_step1(self.model, data)
         if self._imu is not None:
@@ -179,17 +183,18 @@ class Simulation:
     def _apply(self, actuator_target: Array, drive: Drive) -> None:
         last, self._drive = self._drive, drive
         self.data.ctrl[self._actuators] = actuator_target
-        if last is None or not np.array_equal(last.torque, drive.torque):
+        if last is None or self._supply_varies or not drive.equals(last):
             # A force range of [0, 0] is torque off: friction and rotor inertia stay.
-            self.model.actuator_forcerange[self._actuators, 0] = -drive.torque
-            self.model.actuator_forcerange[self._actuators, 1] = drive.torque
+            limit = drive.limits(self.robot, self.voltage)
+            self.model.actuator_forcerange[self._actuators, 0] = -limit
+            self.model.actuator_forcerange[self._actuators, 1] = limit
+            gains = drive.gains(self.robot, self.voltage)
+            self.model.actuator_gainprm[self._actuators] = gains
+        if last is None or not np.array_equal(last.torque, drive.torque):
             self._rest_time = 0.0
             self.model.opt.noslip_iterations = 0
             if self._grip is not None:
                 self._grip.hold(self.data, drive.torque)
-        if last is None or self._supply_varies or not drive.equals(last):
-            gains = drive.gains(self.robot, self.voltage)
-            self.model.actuator_gainprm[self._actuators] = gains
 
     def release(self) -> None:
         """Switch off the torque of every servo."""
@@ -203,8 +208,17 @@ class Simulation:
             # Together they are mj_step, but leave positions and contacts up to date.
             mujoco.mj_step2(self.model, self.data)
             mujoco.mj_step1(self.model, self.data)
+            if not self._friction.is_constant:
+                self._load_gears()
             for callback in self.on_step:
                 callback()
+
+    def _load_gears(self) -> None:
+        """Set the friction of gears by the present torques of their motors."""
+        gears, model = self._friction, self.model
+        friction = gears.compute(self.data.actuator_force[self._actuators], self.joint_vel)
+        model.dof_frictionloss[gears.dofs] = friction[gears.in_joints]
+        model.tendon_frictionloss[gears.tendons] = friction[gears.in_tendons]
 
     def update_sensors(self, duration: float) -> None:
         """Update currents, heat, supply and IMU, ``duration`` seconds after the last update."""
@@ -214,6 +228,8 @@ class Simulation:
         assert self._drive is not None  # it is set whenever the robot is placed
         share = self._windings.compute_voltage(torque, self.torque_vel) / self.voltage
         self.pwm_share = np.where(self._drive.torque > 0.0, np.clip(share, -1.0, 1.0), 0.0)
+        if self.robot.supply_resistance:
+            self.voltage = float(self.robot.sag(self._supply, torque, self.torque_vel))
         if self._imu is not None:
             self._imu.advance(self.data, duration)
         self._hold_at_rest(duration)

@@ -221,6 +221,7 @@ class ServoPhysics:
             pwm=np.array([d.pwm_limit for d in commands]),
             gain_scale=gain,
             by_current=by_current,
+            follows_supply=~by_current,
             damping=robot.transmission.gain_at_actuator(np.array(damping)),
         )
 

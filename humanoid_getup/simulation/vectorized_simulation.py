@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.world import World
+from robots.gear_friction import GearFriction
 from robots.quaternion import Array
 from robots.torque_limit import limit_servos
 
@@ -59,6 +62,10 @@ class VecSim:
         # Friction of each geom as a share of the ground's: obstacles may have their own.
         own = self.model.geom_friction[:, 0] / world.scene.surface.friction
         self._friction_share = np.where(world.is_world_geom, own, 1.0)
+        self._gears = GearFriction(self.robot, self.model)
+        if not self._gears.is_constant:
+            for name in ("dof_frictionloss", "tendon_frictionloss")[: 1 + bool(self.model.ntendon)]:
+                self._fields[name] = self.batch.expand(name)
         self._set_drives(self.everyone, self.parameters)
 
     def read(self, name: str) -> Array:
@@ -108,6 +115,7 @@ class VecSim:
         self.read("qvel")[ids] = 0.0 if qvel is None else qvel
         self.read("ctrl")[ids] = self.robot.transmission.to_actuator(qpos[:, self._layout.qpos])
         self._compute_sensors(ids)
+        self._follow_load(ids)
 
     def advance(
         self, targets: Array, hold: int, record: tuple[str, ...] = (), ids: Ids | None = None
@@ -115,14 +123,29 @@ class VecSim:
         """Send joint targets [rad], (N, T, n), each for ``hold`` physics steps.
 
         The N worlds are ``ids``, or all. The MjData fields ``record`` are returned as they are
-        at the end of every target, (N, T, ...).
+        at the end of every target, (N, T, ...). The friction of gears under load and the supply
+        behind a resistance follow after every target.
         """
+        is_ideal = self._gears.is_constant and not self.robot.supply_resistance
+        if is_ideal or targets.shape[1] == 1:
+            return self._roll_out(targets, hold, record, ids)
+        diverged, rolled = False, list[dict[str, Array]]()
+        for k in range(targets.shape[1]):
+            rolled.append(self._roll_out(targets[:, k : k + 1], hold, record, ids))
+            diverged |= self.diverged
+        self.diverged = diverged
+        return {name: np.concatenate([one[name] for one in rolled], axis=1) for name in record}
+
+    def _roll_out(
+        self, targets: Array, hold: int, record: tuple[str, ...], ids: Ids | None
+    ) -> dict[str, Array]:
         # After a warning of NaN or Inf, MuJoCo resets a world and counts from one again.
         warnings = self.batch.warning[..., 1]
         warnings[:] = 0
         control = np.repeat(self.robot.transmission.to_actuator(targets), hold, axis=1)
         rolled = self.batch.rollout(control.shape[1], control, record=record, ids=ids)
         self.diverged = np.any(warnings > 0, axis=1)
+        self._follow_load(self.everyone if ids is None else ids)
         return {name: rolled[name][:, hold - 1 :: hold] for name in record}
 
     def hold(self, target: Array, steps: int, ids: Ids | None = None) -> None:
@@ -133,6 +156,28 @@ class VecSim:
         self.read("ctrl")[rows] = self.robot.transmission.to_actuator(target)
         self.batch.step(rows, nstep=steps)
         self.diverged = np.any(warnings > 0, axis=1)
+        self._follow_load(rows)
+
+    def _follow_load(self, ids: Ids) -> None:
+        """Set friction of gears and supply by the present torques and speeds of the motors."""
+        gears, robot = self._gears, self.robot
+        if gears.is_constant and not robot.supply_resistance:
+            return
+        torque = self.read("actuator_force")[ids][:, self._servos]
+        joint_vel = self.read("qvel")[ids][:, self._layout.dof]
+        if robot.supply_resistance:
+            drawn = self.parameters.take(ids)
+            speed = robot.transmission.to_actuator(joint_vel)
+            sagged = robot.sag(drawn.voltage, torque, speed)
+            self._set_drives(ids, replace(drawn, voltage=sagged))
+        if gears.is_constant:
+            return
+        friction = gears.compute(torque, joint_vel)
+        friction *= self.parameters.friction_loss[ids][:, None]
+        self._fields["dof_frictionloss"][ids[:, None], gears.dofs] = friction[:, gears.in_joints]
+        if len(gears.tendons):
+            loss = self._fields["tendon_frictionloss"]
+            loss[ids[:, None], gears.tendons] = friction[:, gears.in_tendons]
 
     def _compute_sensors(self, ids: Ids) -> None:
         """Update the outputs of robots that were just placed."""
@@ -151,7 +196,8 @@ class VecSim:
             gain_scale=p.strength,
             pwm_limit=self._pwm_limit,
         )
-        limit = np.minimum(drive.torque, robot.max_torque * p.strength)
+        weak = np.where(drive.follows_supply, np.minimum(p.strength, 1.0), 1.0)
+        limit = drive.limits(robot, p.voltage) * weak
         gainprm = np.tile(model.actuator_gainprm, (p.n, 1, 1))
         gainprm[:, self._servos] = drive.gains(robot, p.voltage)
         fields["actuator_gainprm"][ids] = gainprm

@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from robots.bench import IMU_SITE, Load, ServoBench, make_bench, make_bench_joint
 from robots.bus_settings import BusSettings
-from robots.description.schema import ControlPeriod, SupplyVoltage, complete_bus
+from robots.description.schema import ControlPeriod, SupplyResistance, SupplyVoltage, complete_bus
 from robots.imu import ImuSettings, find_imu_problems
 from robots.robot import Joint
 from robots.servo import MAX_TICKS, PGain, ServoModel
@@ -67,6 +67,7 @@ class BenchTable:
     """[s]; one that suits the baud rate if left out."""
     supply_voltage: SupplyVoltage | None = None
     """[V]; the nominal one of the first servo if left out."""
+    supply_resistance: SupplyResistance = 0.0
     imu: ImuSettings | None = None
     limit_by: Literal["current", "pwm"] | None = None
 
@@ -98,6 +99,7 @@ def load_bench(
         imu=table.imu,
         imu_site=None if table.imu is None else IMU_SITE,
         supply_voltage=table.supply_voltage or bench.supply_voltage,
+        supply_resistance=table.supply_resistance,
         limit_by=table.limit_by or bench.limit_by,
     ), []
 

@@ -163,6 +163,7 @@ def _build_robot(
         sole_sites=table.sole_sites,
         control_period=table.control_period,
         supply_voltage=table.supply_voltage,
+        supply_resistance=table.supply_resistance,
         standing=standing,
         standing_neck_height=neck_height,
         mirror_index=np.array([names.index(row.mirror) for row in rows]),

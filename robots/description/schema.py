@@ -34,6 +34,7 @@ MAX_SUPPLY_VOLTAGE = 48.0  # V; the servos' own ranges are narrower, and checked
 
 ControlPeriod = Annotated[float, between(MIN_CONTROL_PERIOD, MAX_CONTROL_PERIOD, "s")]
 SupplyVoltage = Annotated[float, positive(MAX_SUPPLY_VOLTAGE, "V")]
+SupplyResistance = Annotated[float, between(0.0, 2.0, "Ω")]
 Segment = Literal["head", "wrist", "hand", "finger", "thumb", "foot", "toes", "other"]
 
 
@@ -91,6 +92,7 @@ class RobotTable:
         dict[str, Angle], Meta(description="a table of joint names and angles in rad")
     ]
     """Angles by joint name [rad]; the joints not named stand at 0."""
+    supply_resistance: SupplyResistance = 0.0
     imu_site: str | None = None
     """None without an IMU."""
     bus: BusSettings | None = None

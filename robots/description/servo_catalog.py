@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import tomlkit
+
 from robots.servo import ServoModel
+from robots.storage.files import write_atomically
 from robots.storage.validation import load_toml, read_table, shown
 
 SERVOS_FILE = "servos.toml"
 FIGURES = tuple(field.name for field in fields(ServoModel) if field.name != "name")
 """Keys of a type's table; its name is the table's title."""
+_DEFAULTS = {field.name: field.default for field in fields(ServoModel)}
 
 
 @cache
@@ -62,6 +66,22 @@ def _read_model(name: str, table: Any, problems: list[str]) -> ServoModel:
             f"expected at most max_voltage, {model.max_voltage:g} V"
         )
     return model
+
+
+def write_servo_model(folder: Path, model: ServoModel, about: Sequence[str]) -> None:
+    """Write a servo type into a robot's servos.toml, with comments; other types stay."""
+    file = folder / SERVOS_FILE
+    document = tomlkit.parse(file.read_text("utf-8")) if file.exists() else tomlkit.document()
+    known = _package_table().get(model.name, {})
+    table = tomlkit.table()
+    for line in about:
+        table.add(tomlkit.comment(line))
+    for key in FIGURES:
+        value = getattr(model, key)
+        if value is not None and value != known.get(key, _DEFAULTS.get(key)):
+            table.add(key, float(f"{value:.5g}") if isinstance(value, float) else value)
+    document[model.name] = table
+    write_atomically(file, document.as_string())
 
 
 @cache

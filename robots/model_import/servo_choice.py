@@ -201,7 +201,7 @@ def _distance(figures: ActuatorFigures, model: ServoModel, supply: float) -> flo
     torque = abs(np.log(figures.effort / (model.stall_torque * share)))
     if figures.speed is None:
         return float(torque)
-    speed = abs(np.log(figures.speed / (model.no_load_speed * share)))
+    speed = abs(np.log(figures.speed / (model.top_speed * share)))
     return float(torque + SPEED_WEIGHT * speed)
 
 

@@ -8,7 +8,7 @@ SECTIONS = {
     "get up": ("rise", "play", "run", "sit", "hold", "fall"),
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style"),
     "learn": ("train", "eval", "export", "policy", "prior"),
-    "robot": ("robots", "first-steps", "servo", "doctor", "calibrate", "watch", "bus"),
+    "robot": ("robots", "first-steps", "servo", "identify", "doctor", "calibrate", "watch", "bus"),
     "look": ("studio", "replay", "log", "bench"),
 }
 """Commands and groups in the order of `getup --help`."""
@@ -96,6 +96,10 @@ COMMANDS = {
     "servo monitor": Entry("Show what servos measure, and their ranges.", "servo.devices"),
     "servo reboot": Entry("Restart a servo.", "servo.address"),
     "servo reset": Entry("Set a servo to the values as shipped.", "servo.address"),
+    "identify": Entry("Identify the physics of servos from logs."),
+    "identify servo": Entry(
+        "Identify motor and friction of a servo type from logs.", "robot.identify_servo"
+    ),
     "doctor": Entry("Check a robot on its bus; moves nothing.", "robot.doctor"),
     "calibrate": Entry("Measure the zeros and signs of the servos.", "robot.calibrate"),
     "watch": Entry("Show a limp robot while a person turns it by hand.", "robot.watch"),

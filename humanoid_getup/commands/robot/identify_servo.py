@@ -1,0 +1,153 @@
+"""`getup identify servo`: motor and friction of a servo type, from logs of one on a lever."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from rich.console import Console
+from rich.markup import escape
+from tyro.conf import Positional, arg
+
+from humanoid_getup.commands.command import command
+from humanoid_getup.commands.console import make_table
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.files import FOLDER, READ
+from humanoid_getup.commands.options import CommandRequest
+from humanoid_getup.progress.callback import ProgressMonitor
+from robots.description.servo_catalog import SERVOS_FILE, read_servo_models, write_servo_model
+from robots.servo import ServoModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyRequest(CommandRequest):
+    """Identify motor and friction of a servo type from logs of one that moves a mass on a lever.
+
+    Nested models of friction are fitted; the one with the smallest error on held-out logs is
+    chosen. Figures are written only if they are better there than those of the catalog.
+    """
+
+    logs: Annotated[Positional[tuple[Path, ...]], READ, arg(metavar="LOG...")]
+    """Logs in the JSON format of BAM."""
+    hold_out: Annotated[tuple[Path, ...], READ, arg(metavar="LOG,...")] = ()
+    """Logs that are not fitted; default: each quarter of the logs in turn."""
+    servo: Annotated[str | None, arg(metavar="TYPE")] = None
+    """Servo type, e.g. XL330-M288; default: that of the logs, if only one has their name."""
+    write: Annotated[Path | None, FOLDER, arg(metavar="DIR")] = None
+    """Folder of the robot whose servos.toml gets the figures."""
+
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        if both := set(self.logs) & set(self.hold_out):
+            names = ", ".join(sorted(map(str, both)))
+            yield f"--hold-out is {names}, expected other logs than those that are fitted"
+        if self.write is not None and not (self.write / "robot.toml").exists():
+            yield f"--write is {self.write}, expected the folder of a robot, with a robot.toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifiedServo:
+    """Identified figures of a servo type, and errors along the logs."""
+
+    servo: str
+    model: str
+    """Model of friction."""
+    parameters: dict[str, float]
+    """By the keys of servos.toml; motor constant [N·m/A], resistance [Ω] and encoder offset [rad]
+    beside them."""
+    intervals: dict[str, tuple[float, float]]
+    """95 % intervals, of refits without parts of the logs."""
+    not_identified: tuple[str, ...]
+    """Parameters that the logs leave open."""
+    mae_mrad: float
+    """Mean absolute error of the angle along the logs."""
+    held_out_mae_mrad: float
+    catalog_mae_mrad: float
+    """That of the catalog's figures, along the held-out logs or, without any, all."""
+    warnings: tuple[str, ...]
+    logs: dict[str, str]
+    """SHA-256 of each log."""
+    written: bool
+
+    @property
+    def is_better(self) -> bool:
+        """Return whether the figures are better than those of the catalog."""
+        return self.held_out_mae_mrad < self.catalog_mae_mrad
+
+
+@command("identify servo", json=True)
+def identify_servo(request: IdentifyRequest, monitor: ProgressMonitor) -> IdentifiedServo:
+    """Identify a servo type from logs."""
+    from sim2real.identification.servo_fit import ServoFitter
+    from sim2real.identification.servo_log import check_servo, find_warnings, load_servo_log
+
+    monitor.begin("reading")
+    logs = [load_servo_log(path) for path in request.logs]
+    held_out = [load_servo_log(path) for path in request.hold_out]
+    every = [*logs, *held_out]
+    model = _choose_model(request, every[0].servo)
+    check_servo(every, model)
+    fitter = ServoFitter(model)
+    fit, held_out_error = fitter.identify(logs, held_out, monitor.begin)
+    values = {name: one.value for name, one in fit.parameters.items()}
+    errors = list(fit.errors.values())
+    found = IdentifiedServo(
+        servo=model.name,
+        model=fit.model,
+        parameters=values,
+        intervals={name: (one.lower, one.upper) for name, one in fit.parameters.items()},
+        not_identified=tuple(n for n, one in fit.parameters.items() if not one.is_identified),
+        mae_mrad=1e3 * sum(errors) / len(errors),
+        held_out_mae_mrad=1e3 * held_out_error,
+        catalog_mae_mrad=1e3 * fitter.measure_catalog(held_out or logs, values["offset"]),
+        warnings=tuple(find_warnings(every, model)),
+        logs={log.name: log.checksum for log in every},
+        written=request.write is not None,
+    )
+    if request.write is None:
+        return found
+    if not found.is_better:
+        raise BadInputError(
+            f"nothing is written: {found.held_out_mae_mrad:.1f} mrad along held-out logs, "
+            f"{found.catalog_mae_mrad:.1f} mrad with the catalog's figures"
+        )
+    about = ["Identified by `getup identify servo` from logs (SHA-256):"]
+    about += [f"{name}: {checksum}" for name, checksum in found.logs.items()]
+    write_servo_model(request.write, fit.apply(model), about)
+    return found
+
+
+@identify_servo.show
+def _print(found: IdentifiedServo, request: IdentifyRequest, console: Console) -> None:
+    table = make_table((found.servo, "value", "95 %"), left=(found.servo,))
+    for name, value in found.parameters.items():
+        lower, upper = found.intervals[name]
+        reach = "not identified" if name in found.not_identified else f"{lower:.3g} to {upper:.3g}"
+        table.add_row(escape(name), f"{value:.4g}", reach)
+    console.print(table)
+    console.print(
+        f"{found.model}: {found.mae_mrad:.1f} mrad along the logs, {found.held_out_mae_mrad:.1f} "
+        f"held out; catalog {found.catalog_mae_mrad:.1f}"
+    )
+    for warning in found.warnings:
+        console.print(f"[yellow]![/] {escape(warning)}")
+    if found.written and request.write is not None:
+        console.print(f"written to {request.write / SERVOS_FILE}", markup=False, soft_wrap=True)
+
+
+def _choose_model(request: IdentifyRequest, name: str) -> ServoModel:
+    """Choose the servo type that is named, or the only one that the logs can mean."""
+    models, problems = read_servo_models(request.write or Path())
+    if problems:
+        raise BadInputError(*problems)
+    if request.servo is not None:
+        if request.servo not in models:
+            raise BadInputError(f"--servo is {request.servo}, expected one of {', '.join(models)}")
+        return models[request.servo]
+    fitting = [each for each in models if each.lower().startswith(name.lower())]
+    if len(fitting) != 1:
+        known = ", ".join(fitting or models)
+        raise BadInputError(f"the logs are of a servo '{name}': choose --servo among {known}")
+    return models[fitting[0]]

@@ -1,0 +1,1 @@
+"""Identification: the physics of servos and robots from their logs."""

@@ -1,0 +1,258 @@
+"""Identification of a servo type: least squares on logs, nested models, honest intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from robots.quaternion import Array
+from robots.servo import ServoModel
+from sim2real.identification.pendulums import PARAMETERS, Pendulums
+from sim2real.identification.servo_log import ServoLog
+
+MODELS = {
+    "constant friction": 6,
+    "friction by load": 8,
+    "friction by load, and stiction": 10,
+}
+"""Nested models by their number of parameters, the first ones of `PARAMETERS`."""
+STARTS, TRIED = 48, 3  # drawn about the data sheet; of them fitted
+WIDE, NEAR = 0.5, 0.05  # spread of starts about the data sheet, and about a smaller model
+FIRST_STEPS, MOST_STEPS = 6, 40  # of a descent: of each of those starts, and of the best
+STEP = 1e-4  # of a parameter's scale, for finite differences
+ROBUST = 0.05  # rad of error, beyond which an error counts in proportion and not squared
+PARTS = 4  # refits for intervals, each without a part of the logs
+BETTER = 0.98  # of the held-out error that a larger model has to come below
+CONFIDENCE = 0.95
+OPEN = 0.5  # half an interval as a share of the value, beyond which a parameter is left open
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A parameter with the 95 % interval of refits."""
+
+    value: float
+    lower: float
+    upper: float
+
+    @property
+    def is_identified(self) -> bool:
+        """Return whether the interval is narrow enough to use the value."""
+        return self.upper - self.lower < 2.0 * OPEN * abs(self.value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoFit:
+    """Parameters of a servo, and how far its simulation is from the logs."""
+
+    model: str
+    """Name of the model of friction."""
+    parameters: dict[str, Estimate]
+    errors: dict[str, float]
+    """Mean absolute error of the angle by log [rad]."""
+
+    def apply(self, servo: ServoModel) -> ServoModel:
+        """Return a servo type with the identified figures, at its nominal voltage."""
+        absent = dict.fromkeys(PARAMETERS[MODELS[self.model] :], 0.0)
+        absent.pop("stiction_speed", None)  # nothing is divided by 0
+        values = absent | {name: one.value for name, one in self.parameters.items()}
+        motor_constant, resistance = values.pop("motor_constant"), values.pop("resistance")
+        values.pop("offset")
+        stall_torque = motor_constant * servo.nominal_voltage / resistance
+        return replace(
+            servo,
+            stall_torque=stall_torque,
+            stall_current=servo.nominal_voltage / resistance,
+            no_load_speed=servo.nominal_voltage / motor_constant,
+            **values,
+        )
+
+
+class ServoFitter:
+    """Fits the parameters of a servo type to logs."""
+
+    def __init__(self, servo: ServoModel) -> None:
+        """Take a servo type's data sheet as the start."""
+        self._servo = servo
+        stall, full = servo.stall_torque, servo.motor_constant
+        # Data sheet, lower and upper bound of each parameter.
+        rows = {
+            "motor_constant": (full, 0.3 * full, 2.0 * full),
+            "resistance": (servo.resistance, 0.2 * servo.resistance, 4.0 * servo.resistance),
+            "armature": (servo.armature, 0.05 * servo.armature, 20.0 * servo.armature),
+            "offset": (0.0, -0.2, 0.2),
+            "friction": (servo.friction, 0.0, 0.5 * stall),
+            "viscous_friction": (0.02 * stall, 0.0, stall),
+            "load_friction": (0.2, 0.0, 0.9),
+            "load_friction_slope": (0.1 / stall, 0.0, 2.0 / stall),
+            "stiction": (0.05, 0.0, 0.9),
+            "stiction_speed": (0.3, 0.01, 3.0),
+        }
+        assert tuple(rows) == PARAMETERS
+        self._sheet, self._lower, self._upper = np.array(list(rows.values())).T
+        self._none = np.where(np.arange(len(PARAMETERS)) < 6, self._sheet, 0.0)
+        self._none[-1] = self._sheet[-1]  # a speed that nothing is divided by
+
+    def fit(self, logs: Sequence[ServoLog], count: int, smaller: Array | None = None) -> Array:
+        """Fit the first ``count`` parameters to logs; return all of them, (10,).
+
+        It starts from the best of many points about the data sheet, and from the fit of a smaller
+        model if there is one.
+        """
+        pendulums = Pendulums(logs, self._servo)
+        rng = np.random.default_rng(0)
+        starts = self._draw(self._sheet, WIDE, rng)
+        if smaller is not None:
+            new = smaller == self._none
+            near = np.where(new, self._sheet, smaller)
+            starts = np.concatenate([starts, self._draw(near, np.where(new, WIDE, NEAR), rng)])
+        starts[:, count:] = self._none[count:]
+        costs = _loss(_residuals(pendulums, starts))
+        best = [starts[i] for i in np.argsort(costs)[:TRIED]]
+        begun = np.array([self._descend(pendulums, start, count, FIRST_STEPS) for start in best])
+        ahead = begun[int(np.argmin(_loss(_residuals(pendulums, begun))))]
+        return self._descend(pendulums, ahead, count)
+
+    def _draw(self, center: Array, spread: Array | float, rng: np.random.Generator) -> Array:
+        """Draw points about one, with a spread of their logarithms, (STARTS, 10)."""
+        factors = np.exp(rng.normal(0.0, 1.0, (STARTS, len(PARAMETERS))) * spread)
+        return np.clip(center * factors, self._lower, self._upper)
+
+    def refit(self, logs: Sequence[ServoLog], count: int, start: Array) -> Array:
+        """Fit as `fit` does, to other logs of the same servo, from its result."""
+        return self._descend(Pendulums(logs, self._servo), start, count)
+
+    def _descend(
+        self, pendulums: Pendulums, start: Array, count: int, most: int = MOST_STEPS
+    ) -> Array:
+        """Minimize the error from a start by Gauss-Newton steps within the bounds."""
+        lower, upper = self._lower[:count], self._upper[:count]
+        scale = np.where(start[:count] == 0.0, 0.1 * (upper - lower), np.abs(start[:count]))
+
+        def complete(x: Array) -> Array:
+            rows = np.tile(self._none, (len(x), 1))
+            rows[:, :count] = x
+            return rows
+
+        def errors(x: Array) -> Array:
+            return _residuals(pendulums, complete(x[None]))[0]
+
+        def slopes(x: Array) -> Array:
+            step = STEP * scale * np.where(x + STEP * scale > upper, -1.0, 1.0)
+            found = _residuals(pendulums, complete(np.vstack([x, x + np.diag(step)])))
+            return ((found[1:] - found[0]) / step[:, None]).T
+
+        inside = np.clip(start[:count], lower + 1e-9 * scale, upper - 1e-9 * scale)
+        found = least_squares(
+            errors,
+            inside,
+            jac=slopes,  # pyright: ignore[reportArgumentType]
+            bounds=(lower, upper),
+            x_scale=scale,
+            loss="soft_l1",
+            f_scale=ROBUST,
+            max_nfev=most,
+            ftol=1e-4,
+            xtol=1e-4,
+        )
+        return complete(found.x[None])[0]
+
+    def measure(self, logs: Sequence[ServoLog], parameters: Array) -> dict[str, float]:
+        """Measure the mean absolute error of the angle along each log [rad]."""
+        pendulums = Pendulums(logs, self._servo)
+        error = np.abs(pendulums.run(parameters[None])[0] - pendulums.measured)
+        mean = (error * pendulums.valid).sum(axis=1) / pendulums.valid.sum(axis=1)
+        return {log.name: float(value) for log, value in zip(logs, mean, strict=True)}
+
+    def measure_catalog(self, logs: Sequence[ServoLog], offset: float = 0.0) -> float:
+        """Measure the mean error of the catalog's figures along logs, at an offset [rad]."""
+        servo = self._servo
+        own = {name: getattr(servo, name) for name in PARAMETERS if hasattr(servo, name)}
+        own["offset"] = offset
+        values = np.array([own.get(name, 0.0) for name in PARAMETERS])
+        return float(np.mean(list(self.measure(logs, values).values())))
+
+    def identify(
+        self,
+        logs: Sequence[ServoLog],
+        held_out: Sequence[ServoLog] = (),
+        tell: Callable[[str], None] = lambda _: None,
+    ) -> tuple[ServoFit, float]:
+        """Choose a model by logs that it was not fitted to; return it, and its error there [rad].
+
+        Without logs that are held out, each part of the logs is held out in turn.
+        """
+        best, chosen, whole = np.inf, ("", self._none, np.zeros((0, len(PARAMETERS)))), None
+        for name, count in MODELS.items():
+            tell(name)
+            whole = self.fit(logs, count, whole)
+            parts = [self.refit(rest, count, whole) for rest, _ in split(logs)]
+            if held_out:
+                error = float(np.mean(list(self.measure(held_out, whole).values())))
+            else:
+                errors = [
+                    value
+                    for (_, part), fitted in zip(split(logs), parts, strict=True)
+                    for value in self.measure(part, fitted).values()
+                ]
+                error = float(np.mean(errors))
+            if error < BETTER * best:
+                best, chosen = error, (name, whole, np.array(parts))
+        name, whole, parts = chosen
+        return self._conclude(name, whole, parts, logs), best
+
+    def _conclude(
+        self, name: str, whole: Array, parts: Array, logs: Sequence[ServoLog]
+    ) -> ServoFit:
+        """Make a result with the intervals of a jackknife over parts of the logs.
+
+        Residuals keep their sign for tenths of a second, so the curvature of the cost, which counts
+        every sample, makes intervals about eight times too narrow.
+        """
+        n = len(parts)
+        spread = np.sqrt((n - 1) / n * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0))
+        reach = spread * student.ppf(0.5 + 0.5 * CONFIDENCE, n - 1)
+        count = MODELS[name]
+        return ServoFit(
+            model=name,
+            parameters={
+                PARAMETERS[i]: Estimate(
+                    value=float(whole[i]),
+                    lower=float(whole[i] - reach[i]),
+                    upper=float(whole[i] + reach[i]),
+                )
+                for i in range(count)
+            },
+            errors=self.measure(logs, whole),
+        )
+
+
+def split(logs: Sequence[ServoLog]) -> list[tuple[list[ServoLog], list[ServoLog]]]:
+    """Split logs into what is left without each part, and the part.
+
+    Benches repeat the same trajectories for several gains: parts run diagonally through them.
+    """
+    parts = min(PARTS, len(logs))
+    of_log = [(i + i // parts) % parts for i in range(len(logs))]
+    return [
+        (
+            [log for log, owner in zip(logs, of_log, strict=True) if owner != part],
+            [log for log, owner in zip(logs, of_log, strict=True) if owner == part],
+        )
+        for part in range(parts)
+    ]
+
+
+def _residuals(pendulums: Pendulums, parameters: Array) -> Array:
+    """Compute the errors of the angle for rows of parameters, (P, L * T); 0 beyond a log's end."""
+    errors = (pendulums.run(parameters) - pendulums.measured) * pendulums.valid
+    return errors.reshape(len(parameters), -1)
+
+
+def _loss(errors: Array) -> Array:
+    """Compute the robust cost of rows of errors, as the least squares do, (P,)."""
+    return np.sum(np.sqrt(1.0 + (errors / ROBUST) ** 2) - 1.0, axis=1)

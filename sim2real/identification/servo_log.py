@@ -1,0 +1,192 @@
+"""Logs of a servo with a mass on a lever: goals and measured angles."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from robots.quaternion import Array
+from robots.servo import PWM_FULL_SCALE, ServoModel
+from robots.storage.files import read_bounded
+
+PERIOD = 0.005  # s, to which logs are resampled
+LONGEST_GAP = 0.1  # s between two samples
+SHORTEST = 1.0  # s
+LARGEST_ANGLE = 6.0 * math.pi  # rad; a log in degrees is far beyond
+LEAST_REACH = 0.3  # rad
+LEAST_DUTY, LEAST_SAMPLES, MOST_SLOPE_ERROR = 0.05, 100, 0.1  # of a comparison of PWM and error
+MOST_BYTES = 1 << 26
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoLog:
+    """What one servo was told, and where it went; angle 0 is where the mass hangs down."""
+
+    name: str
+    checksum: str
+    """SHA-256 of the file."""
+    servo: str
+    """Type of the servo, as the log names it."""
+    period: float
+    """Sample time [s]."""
+    goal: Array
+    """Goal positions [rad], (T,)."""
+    joint_pos: Array
+    """Measured angles [rad], (T,)."""
+    torque_on: NDArray[np.bool_]
+    """Whether torque was on, (T,)."""
+    start_speed: float
+    """[rad/s]"""
+    p_gain: float
+    """Position P gain, as its register has it."""
+    voltage: float
+    """Supply [V]."""
+    mass: float
+    """Mass on the lever [kg]."""
+    arm: float
+    """Distance of the mass from the horn [m]."""
+    duty: Array | None = None
+    """Measured share of the supply, (T,); None if not logged."""
+
+    @property
+    def inertia(self) -> float:
+        """Return the inertia of mass and lever about the horn [kg·m²]."""
+        return self.mass * self.arm**2
+
+
+Positive = Annotated[float, Meta(gt=0.0, lt=1e6)]
+
+
+class _Entry(msgspec.Struct, frozen=True):
+    timestamp: float
+    position: float
+    goal_position: float
+    torque_enable: bool
+    speed: float = 0.0
+    load: float | None = None
+
+
+class _File(msgspec.Struct, frozen=True):
+    """A log as bam writes it (https://github.com/Rhoban/bam)."""
+
+    mass: Positive
+    length: Annotated[float, Meta(gt=0.0, lt=10.0)]
+    kp: Positive
+    vin: Annotated[float, Meta(gt=0.0, lt=100.0)]
+    motor: str
+    entries: list[_Entry]
+
+
+def load_servo_log(path: Path) -> ServoLog:
+    """Load a log in bam's JSON, resampled.
+
+    Raises:
+        ValueError: if it is no such log, has gaps or other units, or torque was never on.
+    """
+    content = read_bounded(path, MOST_BYTES)
+    try:
+        file = msgspec.json.decode(content, type=_File)
+    except msgspec.DecodeError as error:
+        raise ValueError(f"{path}: {_explain(str(error))}") from error
+    if problem := _find_problem(file):
+        raise ValueError(f"{path}: {problem}")
+    entries = file.entries
+    time = np.array([entry.timestamp for entry in entries])
+    at = np.arange(time[0], time[-1], PERIOD)
+
+    def resample(values: list[Any]) -> Array:
+        return np.interp(at, time, np.array(values, dtype=float))
+
+    duty = None
+    if all(entry.load is not None for entry in entries):
+        counts = np.array([entry.load for entry in entries], dtype=float)
+        counts[counts > 1 << 15] -= 1 << 16  # negative ones are wrapped
+        duty = resample((counts / PWM_FULL_SCALE).tolist())
+    return ServoLog(
+        name=path.name,
+        checksum=hashlib.sha256(content).hexdigest(),
+        servo=file.motor,
+        period=PERIOD,
+        goal=resample([entry.goal_position for entry in entries]),
+        joint_pos=resample([entry.position for entry in entries]),
+        torque_on=resample([entry.torque_enable for entry in entries]) > 0.5,
+        start_speed=entries[0].speed,
+        p_gain=file.kp,
+        voltage=file.vin,
+        mass=file.mass,
+        arm=file.length,
+        duty=duty,
+    )
+
+
+def _explain(problem: str) -> str:
+    """Say what a log lacks, in the terms of a bench."""
+    if "`length`" in problem:
+        return f"{problem}: expected the arm of the mass, length [m]"
+    return f"{problem}, expected a servo log: mass [kg], length [m], kp, vin [V], motor, entries"
+
+
+def _find_problem(file: _File) -> str:
+    """Find what makes a log unusable; empty if nothing does."""
+    time = np.array([entry.timestamp for entry in file.entries])
+    if len(time) < 2 or time[-1] - time[0] < SHORTEST:
+        length = time[-1] - time[0] if len(time) else 0.0
+        return f"{length:.2f} s long, expected {SHORTEST:g} s at least"
+    gap = np.diff(time)
+    if gap.min() <= 0.0:
+        return f"timestamp {1 + int(gap.argmin())} is not after the one before it"
+    if gap.max() > LONGEST_GAP:
+        where = time[int(gap.argmax())] - time[0]
+        return (
+            f"no sample for {gap.max():.2f} s at {where:.2f} s, expected {LONGEST_GAP:g} s at most"
+        )
+    angles = np.array([(entry.position, entry.goal_position) for entry in file.entries])
+    if not np.all(np.isfinite(angles)):
+        return "an angle is not a finite number, expected rad"
+    if np.abs(angles).max() > LARGEST_ANGLE:
+        return f"an angle is {np.abs(angles).max():.0f}, expected rad: is it in degrees?"
+    if not any(entry.torque_enable for entry in file.entries):
+        return "torque was never on: friction and motor cannot be told apart"
+    return ""
+
+
+def find_warnings(logs: list[ServoLog], model: ServoModel) -> Iterator[str]:
+    """Find what makes logs say little, or that contradicts them; each with what to record."""
+    if len({(log.mass, log.arm, log.p_gain) for log in logs}) == 1:
+        yield "all logs have one load and one P gain: record others, so that friction shows"
+    reach = max(float(np.ptp(log.joint_pos[log.torque_on])) for log in logs)
+    if reach < LEAST_REACH:
+        yield f"the servo moved by {reach:.2f} rad, expected {LEAST_REACH:g} rad or more"
+    for log in logs:
+        if log.duty is None:
+            continue
+        expected = (log.goal - log.joint_pos) * log.p_gain / model.gain_divisor
+        expected /= model.rad_per_tick * PWM_FULL_SCALE
+        free = log.torque_on & (np.abs(expected) < 1.0) & (np.abs(expected) > LEAST_DUTY)
+        if free.sum() < LEAST_SAMPLES:
+            continue
+        slope = float(expected[free] @ log.duty[free] / (expected[free] @ expected[free]))
+        if abs(slope - 1.0) > MOST_SLOPE_ERROR:
+            yield (
+                f"{log.name}: PWM is {slope:.2f} of what the P gain makes of the error: expected "
+                f"a gain divisor of {model.gain_divisor / slope:.0f}, not {model.gain_divisor:g}, "
+                "or the clocks of goal and angle differ"
+            )
+
+
+def check_servo(logs: list[ServoLog], model: ServoModel) -> None:
+    """Refuse logs of another servo than a type; names match if one begins with the other."""
+    name = model.name.lower()
+    others = [log for log in logs if not name.startswith(log.servo.lower())]
+    if others:
+        listed = ", ".join(f"{log.name} of {log.servo}" for log in others)
+        raise ValueError(f"expected logs of a {model.name}, not {listed}")

@@ -12,10 +12,12 @@ from drivers import State, Twin
 from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
 from drivers.twin.device_models import VOLTAGE_STEP
+from humanoid_getup.experiments.judging.standing import MAX_TILT
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 
 THRESHOLD = 0.05  # rad, 3 degrees: above the effect of encoders, backlash and one late cycle
+PHASES = ("lying", "rising", "standing")
 CYCLES_EACH = 100  # after which progress is reported
 LONGEST_GAP = 5.0  # s without a cycle, for which the twin holds the last command
 
@@ -53,6 +55,8 @@ class ReplayReport:
     """Difference of a joint or of the tilt from which it counts as divergence [rad]."""
     twin_qpos: Array
     """MuJoCo positions of the twin, its ground truth, (T, nq)."""
+    phase: Integers
+    """Place in `PHASES` of each cycle, (T,)."""
 
     @property
     def rms(self) -> Array:
@@ -68,6 +72,15 @@ class ReplayReport:
     def ranking(self) -> Integers:
         """Return the places of all joints, that of the largest difference first, (n,)."""
         return np.argsort(-self.maximum, kind="stable")
+
+    @property
+    def gaps(self) -> dict[str, Array]:
+        """Return each joint's root mean square difference in each phase that there was [rad]."""
+        return {
+            name: _rms(self.difference[self.phase == k])
+            for k, name in enumerate(PHASES)
+            if np.any(self.phase == k)
+        }
 
     @property
     def is_exact(self) -> bool:
@@ -116,6 +129,13 @@ class ReplayReport:
             "divergence_s": first and first.time,
             "divergence_part": first and first.part,
             "joints": {name: {"rms_rad": rms, "max_rad": most} for name, rms, most in rows},
+            "phases": {
+                phase: {
+                    "rms_rad": float(np.sqrt(np.mean(gap**2))),
+                    "joints": dict(zip(self.joint_names, gap.tolist(), strict=True)),
+                }
+                for phase, gap in self.gaps.items()
+            },
         }
 
 
@@ -165,7 +185,17 @@ def replay(
         tilt_difference=_angle_between_verticals(record.state["orientation"], orientation),
         threshold=threshold,
         twin_qpos=np.array(positions),
+        phase=_find_phases(record),
     )
+
+
+def _find_phases(record: FlightRecord) -> Integers:
+    """Tell cycles before the first torque, up to the last time that it tilts, and after it."""
+    driven = np.any(record.sent["torque_limit"] > 0.0, axis=1)
+    tilted = quaternion.tilt(record.state["orientation"]) > MAX_TILT
+    lying, last = driven.cumsum() == 0, np.flatnonzero(tilted)
+    standing = np.arange(record.cycles) > (last[-1] if len(last) else -1)
+    return np.where(lying, 0, np.where(standing & driven, 2, 1))
 
 
 def choose_supply(record: FlightRecord, robot: Robot) -> float:

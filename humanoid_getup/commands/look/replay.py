@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -149,6 +150,10 @@ def _print(flight: ReplayedFlight, _: ReplayRequest, console: Console) -> None:
     if not report.is_exact:
         for label, rms, largest in rows:
             table.add_row(f"[dim]{label}", f"RMS {rms:.4f} rad, at most {largest:.4f} rad")
+        for phase, gap in report.gaps.items():
+            worst = report.joint_names[int(gap.argmax())]
+            text = f"RMS {np.sqrt(np.mean(gap**2)):.4f} rad, most in {worst}: {gap.max():.4f} rad"
+            table.add_row(f"[dim]{phase}", escape(text))
     for event in record.events:
         table.add_row(f"[dim]{escape(event.kind)}", f"{event.time:.2f} s: {escape(event.text)}")
     console.print(table)

@@ -14,6 +14,8 @@ from robots.arguments import expect
 from robots.quaternion import Array
 from robots.servo import VOLTAGE_ROUNDING, LimitMode
 
+UNREAD = 0x80  # in `State.alert`: an error that was not read yet, or passed before it was
+RECOVERY = 0.1  # s in which torque comes back after a dip; at once, torque and supply would swing
 MOST_NAMED = 4  # joints with the same error; more are counted
 
 
@@ -59,7 +61,7 @@ class SafetyGuard(Backend):
       gain share and the PWM limit are between 0 and 1.
     - A limp joint of the robot is never driven, and may report errors.
     - While the measurement of a joint is some periods old, all targets are held.
-    - While the supply is low, the torque limit shrinks with it.
+    - While the supply is low, or servos report that it is, the torque limit shrinks.
 
     A position servo needs a distance from its angle to its target to make torque, so that
     distance is free. Cuts are counted in ``clips``. Invalid commands, measurements that are not
@@ -102,7 +104,7 @@ class SafetyGuard(Backend):
         """Why the motion ended; None if it did not."""
         self._state: State | None = None
         self._judged_time = -np.inf
-        self._low_since = np.inf
+        self._low_since = self._deep_since = self._supply = np.inf
         self._stale_writes = 0
         self._sent = self._limited = Command.limp(self.robot.n)  # as confirmed; as limited here
 
@@ -234,10 +236,9 @@ class SafetyGuard(Backend):
         """Find a fault of the robot itself."""
         names, limits = self.robot.joint_names, self.limits
         alerts = state.alert * ~self._never_driven
-        low = self._find_low_supply(state, is_reported=bool(alerts.any()))
-        if low is not None and not np.any(alerts & ~HardwareError.VOLTAGE.value):
-            return low  # also where servos report only this
-        if alerts.any():
+        if low := self._find_low_supply(state, alerts):
+            return low
+        if alerts.any() and not _report_supply(alerts):
             return Fault(FaultKind.SERVO_ERROR, _name_alerts(alerts, names), state.time)
         if (lost := self._find_lost(state)).size:
             return Fault(FaultKind.LOST_JOINTS, _name_lost(state, lost, names), state.time)
@@ -258,21 +259,23 @@ class SafetyGuard(Backend):
         """Find the joints that have been silent for too long, by their numbers."""
         return np.flatnonzero(~(state.joint_age <= self._limp_age))
 
-    def _find_low_supply(self, state: State, *, is_reported: bool) -> Fault | None:
-        """Find a supply that stays low, is below what servos need, or that they report."""
-        limits = self.limits
-        if not state.voltage < limits.min_voltage - VOLTAGE_ROUNDING:
-            self._low_since = np.inf
+    def _find_low_supply(self, state: State, alerts: Integers) -> Fault | None:
+        """Find a supply that stays low, or that servos keep reporting."""
+        limits, time = self.limits, state.time
+        is_low = state.voltage < limits.min_voltage - VOLTAGE_ROUNDING
+        is_deep = _report_supply(alerts) or state.voltage < limits.shutdown_voltage
+        self._low_since = min(self._low_since, time) if is_low else np.inf
+        self._deep_since = min(self._deep_since, time) if is_deep else np.inf
+        low, deep = time - self._low_since, time - self._deep_since
+        if low <= limits.longest_dip and deep <= limits.longest_report:
             return None
-        self._low_since = min(self._low_since, state.time)
-        low = state.time - self._low_since
-        is_dip = low <= limits.longest_dip and not state.voltage < limits.shutdown_voltage
-        if is_dip and not is_reported:
-            return None
+        if not is_low:
+            names = self.robot.joint_names
+            return Fault(FaultKind.SERVO_ERROR, _name_alerts(alerts, names), time)
         detail = (
             f"{state.voltage:.1f} V for {low:.1f} s, expected {limits.min_voltage:.1f} V or more"
         )
-        return Fault(FaultKind.LOW_VOLTAGE, detail, state.time)
+        return Fault(FaultKind.LOW_VOLTAGE, detail, time)
 
     def _stay(self, state: State) -> Command:
         """Hold the joints where they are measured, with the limits of the last command."""
@@ -291,7 +294,10 @@ class SafetyGuard(Backend):
         in_range = _clip(wanted, limits.lower, limits.upper, reference)
         target = np.minimum(np.maximum(in_range, reference - self._reach), reference + self._reach)
         target = np.where(released, state.joint_pos, target)
-        torque = np.minimum(command.torque_limit, limits.derate(state.temperature, state.voltage))
+        supply = state.voltage if np.isinf(self._deep_since) else limits.shutdown_voltage
+        rise = (limits.min_voltage - limits.shutdown_voltage) * self.period / RECOVERY
+        self._supply = min(supply, self._supply + rise)
+        torque = np.minimum(command.torque_limit, limits.derate(state.temperature, self._supply))
         torque = np.where(self._never_driven, 0.0, torque)
         gain = np.minimum(np.maximum(command.gain_scale, 0.0), 1.0)
         pwm = np.minimum(np.maximum(command.pwm_limit, 0.0), 1.0)
@@ -311,6 +317,12 @@ def _clip(wanted: Array, lower: Array, upper: Array, reference: Array) -> Array:
     return np.minimum(
         np.maximum(wanted, np.minimum(lower, reference)), np.maximum(upper, reference)
     )
+
+
+def _report_supply(alerts: Integers) -> bool:
+    """Tell whether servos report their supply, or what was not read yet, and no other error."""
+    others = ~(HardwareError.VOLTAGE.value | UNREAD)
+    return bool(np.any(alerts) and not np.any(alerts & others))
 
 
 def _name_lost(state: State, lost: Integers, names: tuple[str, ...]) -> str:

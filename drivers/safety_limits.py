@@ -49,9 +49,11 @@ class GuardLimits:
     min_voltage: float = 0.0
     """Supply below which the torque limits are derated [V]."""
     shutdown_voltage: float = 0.0
-    """Supply that is a fault at once [V]: the servos' own least."""
+    """The servos' own least supply [V]: they report what is below."""
     longest_dip: float = 2.0  # four turns of the background read of 20 servos
     """Time below ``min_voltage`` that is a fault [s]."""
+    longest_report: float = 0.1
+    """Time below ``shutdown_voltage``, or while servos report their supply, that is a fault [s]."""
     max_pause: float = 0.1  # the servos' watchdog: from there on they stop by themselves
     """Time between two measurements under torque that is a fault [s]."""
     stale_writes: int = 5  # 40 ms at the OP3's cycle: more than a retried read, less than a fall

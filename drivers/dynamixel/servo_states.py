@@ -160,8 +160,8 @@ class ServoStates:
             self.temperature[row] = data[voltage.size]
 
     def note_errors(self, row: int, bits: int) -> None:
-        """Note the hardware errors of a servo that reports an alert."""
-        self.alert[row] = bits or ALERT
+        """Note the hardware errors of a servo that reports an alert, or did until just now."""
+        self.alert[row] = bits or (self.alert[row] and ALERT)
 
     def update_torque(self, replies: Replies, *, is_final: bool) -> bool:
         """Compare torque registers with what was written; return whether all agree.

@@ -76,6 +76,15 @@ def test_the_cause_of_an_alert_is_read_at_once_and_further_causes_in_turn(rig: R
     assert not rig.turn(Command.limp(2), 2).alert.any(), "it is gone"
 
 
+def test_an_alert_that_passes_before_its_cause_is_read_is_gone_as_well(rig: Rig):
+    rig.virtual.physics.sag(9.4)
+    assert rig.turn(Command.limp(2)).alert.all()
+    rig.virtual.physics.sag(12.0)
+    rig.turn(Command.limp(2))
+    for _ in range(3):
+        assert not rig.turn(Command.limp(2)).alert.any()
+
+
 @pytest.mark.parametrize("model", ["AX-12A", "XL-320", "STS3215-C018"])
 def test_an_error_reaches_the_state_whatever_bit_its_servo_shows_it_by(model: str):
     with Rig(make_desk((1, model), (2, model)), without_imu=True) as rig:

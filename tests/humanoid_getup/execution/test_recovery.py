@@ -96,7 +96,7 @@ def test_a_weak_supply_ends_the_rise_and_the_next_attempt_waits_for_it(op3: Robo
     )
     assert rise.reason == "stopped by the operator: it rises again"
     assert len(rise.attempts) == 2
-    assert "reports" in rise.attempts[0].reason  # the alert of a servo is read first
+    assert "report voltage" in rise.attempts[0].reason  # the alerts of servos are read first
     assert any("waiting, torque off: all 20 servos: supply is 9.2" in p.detail for p in phases)
 
 

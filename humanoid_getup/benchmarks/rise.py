@@ -278,6 +278,10 @@ class DisturbedRise:
     voltage: float | None = None
     """Supply [V]; None for the nominal one."""
 
+    def make_twin(self) -> Twin:
+        """Make the twin that is to rise."""
+        return WeakTwin(self.world, self.start, self.strength, self.voltage)
+
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbedWays:
@@ -309,8 +313,7 @@ class DisturbedWays:
                 start_class=fall.start_class, support=trial.world.scene.support
             )
             for way, strategy in ways.items():
-                twin = WeakTwin(trial.world, trial.start, trial.strength, trial.voltage)
-                rise = rise_once(twin, strategy, [seed, 3, number], options)
+                rise = rise_once(trial.make_twin(), strategy, [seed, 3, number], options)
                 rises.append(MeasuredRise.refusable(rise, case=case, way=way, fall=number))
         return rises
 

@@ -52,7 +52,7 @@ class Pendulums:
 
     def run(self, parameters: Array) -> Array:
         """Simulate rows of `PARAMETERS`, (P, 10); return the angles along the logs, (P, L, T)."""
-        K, R, armature, offset, c0, viscous, a, b, c, vs = parameters.T[:, :, None]
+        K, R, armature, offset, c0, viscous, *by_load = parameters.T[:, :, None]
         inertia = self._inertia + armature
         steps = max(1, round(self.period / STEP))
         h = self.period / steps
@@ -65,14 +65,26 @@ class Pendulums:
             for _ in range(steps):
                 duty = np.minimum(np.maximum((goal - q) * self._duty_per_rad, -1.0), 1.0)
                 motor = np.where(on, K * (duty * self._volts - K * v) / R, 0.0)
-                load = np.abs(motor)
-                friction = c0 + load * (a + b * load + c * np.exp(-np.abs(v) / vs))
-                free = motor - self._weight * np.sin(q) - viscous * v
+                weight = self._weight * np.sin(q)
+                friction = self.compute_friction(motor, weight, v, (c0, *by_load))
+                free = motor - weight - viscous * v
                 stop = inertia / h * v + free  # what would bring it to rest
                 moving = np.sign(stop) * np.maximum(np.abs(stop) - friction, 0.0)
                 v = np.minimum(np.maximum(moving * h / inertia, -FASTEST), FASTEST)
                 q = q + v * h
         return np.moveaxis(out, 0, -1) - offset[..., None]
+
+    def compute_friction(
+        self,
+        motor: Array,
+        weight: Array,  # noqa: ARG002  (other forms need it)
+        v: Array,
+        figures: Sequence[Array],
+    ) -> Array:
+        """Compute the dry friction by torques of motor and weight, and speed, (P, L)."""
+        c0, a, b, c, vs = figures
+        load = np.abs(motor)
+        return c0 + load * (a + b * load + c * np.exp(-np.abs(v) / vs))
 
 
 def _fill(values: np.ndarray, length: int) -> np.ndarray:

@@ -52,8 +52,10 @@ class ServoFit:
     model: str
     """Name of the model of friction."""
     parameters: dict[str, Estimate]
-    errors: dict[str, float]
-    """Mean absolute error of the angle by log [rad]."""
+    error: float
+    """Mean absolute error of the angle along the logs [rad]."""
+    held_out_error: float
+    """That along logs that were not fitted [rad]."""
 
     def apply(self, servo: ServoModel) -> ServoModel:
         """Return a servo type with the identified figures, at its nominal voltage."""
@@ -161,12 +163,11 @@ class ServoFitter:
         )
         return complete(found.x[None])[0]
 
-    def measure(self, logs: Sequence[ServoLog], parameters: Array) -> dict[str, float]:
-        """Measure the mean absolute error of the angle along each log [rad]."""
+    def measure(self, logs: Sequence[ServoLog], parameters: Array) -> Array:
+        """Measure the mean absolute error of the angle along each log [rad], (L,)."""
         pendulums = Pendulums(logs, self._servo)
         error = np.abs(pendulums.run(parameters[None])[0] - pendulums.measured)
-        mean = (error * pendulums.valid).sum(axis=1) / pendulums.valid.sum(axis=1)
-        return {log.name: float(value) for log, value in zip(logs, mean, strict=True)}
+        return (error * pendulums.valid).sum(axis=1) / pendulums.valid.sum(axis=1)
 
     def measure_catalog(self, logs: Sequence[ServoLog], offset: float = 0.0) -> float:
         """Measure the mean error of the catalog's figures along logs, at an offset [rad]."""
@@ -174,49 +175,35 @@ class ServoFitter:
         own = {name: getattr(servo, name) for name in PARAMETERS if hasattr(servo, name)}
         own["offset"] = offset
         values = np.array([own.get(name, 0.0) for name in PARAMETERS])
-        return float(np.mean(list(self.measure(logs, values).values())))
+        return float(self.measure(logs, values).mean())
 
     def identify(
         self,
         logs: Sequence[ServoLog],
         held_out: Sequence[ServoLog] = (),
         tell: Callable[[str], None] = lambda _: None,
-    ) -> tuple[ServoFit, float]:
-        """Choose a model by logs that it was not fitted to; return it, and its error there [rad].
+    ) -> ServoFit:
+        """Choose a model by logs that it was not fitted to.
 
         Without logs that are held out, each part of the logs is held out in turn.
         """
-        best, chosen, whole = np.inf, ("", self._none, np.zeros((0, len(PARAMETERS)))), None
+        best, chosen, whole = np.inf, ("", self._none, [self._none]), None
         for name, count in MODELS.items():
             tell(name)
             whole = self.fit(logs, count, whole)
-            parts = [self.refit(rest, count, whole) for rest, _ in split(logs)]
-            if held_out:
-                error = float(np.mean(list(self.measure(held_out, whole).values())))
-            else:
-                errors = [
-                    value
-                    for (_, part), fitted in zip(split(logs), parts, strict=True)
-                    for value in self.measure(part, fitted).values()
-                ]
-                error = float(np.mean(errors))
-            if error < BETTER * best:
-                best, chosen = error, (name, whole, np.array(parts))
+            parts = [] if held_out else self._refit_parts(logs, count, whole)
+            errors = (
+                self.measure(held_out, whole)
+                if held_out
+                else np.concatenate(
+                    [self.measure(part, x) for (_, part), x in zip(split(logs), parts, strict=True)]
+                )
+            )
+            if errors.mean() < BETTER * best:
+                best, chosen = float(errors.mean()), (name, whole, parts)
         name, whole, parts = chosen
-        return self._conclude(name, whole, parts, logs), best
-
-    def _conclude(
-        self, name: str, whole: Array, parts: Array, logs: Sequence[ServoLog]
-    ) -> ServoFit:
-        """Make a result with the intervals of a jackknife over parts of the logs.
-
-        Residuals keep their sign for tenths of a second, so the curvature of the cost, which counts
-        every sample, makes intervals about eight times too narrow.
-        """
-        n = len(parts)
-        spread = np.sqrt((n - 1) / n * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0))
-        reach = spread * student.ppf(0.5 + 0.5 * CONFIDENCE, n - 1)
-        count = MODELS[name]
+        parts = parts or self._refit_parts(logs, MODELS[name], whole)
+        reach = compute_reach(np.array(parts))
         return ServoFit(
             model=name,
             parameters={
@@ -225,26 +212,45 @@ class ServoFitter:
                     lower=float(whole[i] - reach[i]),
                     upper=float(whole[i] + reach[i]),
                 )
-                for i in range(count)
+                for i in range(MODELS[name])
             },
-            errors=self.measure(logs, whole),
+            error=float(self.measure(logs, whole).mean()),
+            held_out_error=best,
         )
+
+    def _refit_parts(self, logs: Sequence[ServoLog], count: int, whole: Array) -> list[Array]:
+        """Fit to the logs without each of their parts."""
+        return [self.refit(rest, count, whole) for rest, _ in split(logs)]
 
 
 def split(logs: Sequence[ServoLog]) -> list[tuple[list[ServoLog], list[ServoLog]]]:
     """Split logs into what is left without each part, and the part.
 
-    Benches repeat the same trajectories for several gains: parts run diagonally through them.
+    Parts are trajectories: a model of the wrong form fits each of them with other values. If there
+    are fewer than three, parts run diagonally through what a bench repeats for several gains.
     """
-    parts = min(PARTS, len(logs))
-    of_log = [(i + i // parts) % parts for i in range(len(logs))]
+    names = sorted({log.trajectory for log in logs})
+    parts = min(PARTS, len(names) if len(names) > 2 else len(logs))
+    of_log = [
+        (names.index(log.trajectory) if len(names) > 2 else i + i // parts) % parts
+        for i, log in enumerate(logs)
+    ]
+    owned = list(zip(logs, of_log, strict=True))
     return [
-        (
-            [log for log, owner in zip(logs, of_log, strict=True) if owner != part],
-            [log for log, owner in zip(logs, of_log, strict=True) if owner == part],
-        )
+        ([log for log, own in owned if own != part], [log for log, own in owned if own == part])
         for part in range(parts)
     ]
+
+
+def compute_reach(parts: Array) -> Array:
+    """Compute half the interval of refits without each part of the logs, (P, 10) to (10,).
+
+    Residuals keep their sign for tenths of a second, so the curvature of the cost, which counts
+    every sample, makes intervals about eight times too narrow.
+    """
+    n = len(parts)
+    spread = np.sqrt((n - 1) / n * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0))
+    return spread * student.ppf(0.5 + 0.5 * CONFIDENCE, n - 1)
 
 
 def _residuals(pendulums: Pendulums, parameters: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,6 +55,8 @@ class ServoLog:
     """Mass on the lever [kg]."""
     arm: float
     """Distance of the mass from the horn [m]."""
+    trajectory: str = ""
+    """What was driven: logs of one trajectory have one name."""
     duty: Array | None = None
     """Measured share of the supply, (T,); None if not logged."""
 
@@ -84,6 +87,7 @@ class _File(msgspec.Struct, frozen=True):
     vin: Annotated[float, Meta(gt=0.0, lt=100.0)]
     motor: str
     entries: list[_Entry]
+    trajectory: str = ""
 
 
 def load_servo_log(path: Path) -> ServoLog:
@@ -111,6 +115,9 @@ def load_servo_log(path: Path) -> ServoLog:
         counts = np.array([entry.load for entry in entries], dtype=float)
         counts[counts > 1 << 15] -= 1 << 16  # negative ones are wrapped
         duty = resample((counts / PWM_FULL_SCALE).tolist())
+    torque_on = resample([entry.torque_enable for entry in entries]) > 0.5
+    if not torque_on.any():
+        raise ValueError(f"{path}: torque was never on: friction and motor cannot be told apart")
     return ServoLog(
         name=path.name,
         checksum=hashlib.sha256(content).hexdigest(),
@@ -118,12 +125,13 @@ def load_servo_log(path: Path) -> ServoLog:
         period=PERIOD,
         goal=resample([entry.goal_position for entry in entries]),
         joint_pos=resample([entry.position for entry in entries]),
-        torque_on=resample([entry.torque_enable for entry in entries]) > 0.5,
+        torque_on=torque_on,
         start_speed=entries[0].speed,
         p_gain=file.kp,
         voltage=file.vin,
         mass=file.mass,
         arm=file.length,
+        trajectory=file.trajectory,
         duty=duty,
     )
 
@@ -154,8 +162,6 @@ def _find_problem(file: _File) -> str:
         return "an angle is not a finite number, expected rad"
     if np.abs(angles).max() > LARGEST_ANGLE:
         return f"an angle is {np.abs(angles).max():.0f}, expected rad: is it in degrees?"
-    if not any(entry.torque_enable for entry in file.entries):
-        return "torque was never on: friction and motor cannot be told apart"
     return ""
 
 
@@ -183,10 +189,14 @@ def find_warnings(logs: list[ServoLog], model: ServoModel) -> Iterator[str]:
             )
 
 
+def is_of(servo: str, model: ServoModel) -> bool:
+    """Return whether a servo's name in a log, such as mx64, can mean a type, such as MX-64(2.0)."""
+    named, known = (re.sub(r"[^a-z0-9]", "", name.lower()) for name in (servo, model.name))
+    return known.startswith(named)
+
+
 def check_servo(logs: list[ServoLog], model: ServoModel) -> None:
-    """Refuse logs of another servo than a type; names match if one begins with the other."""
-    name = model.name.lower()
-    others = [log for log in logs if not name.startswith(log.servo.lower())]
-    if others:
+    """Refuse logs of another servo than a type."""
+    if others := [log for log in logs if not is_of(log.servo, model)]:
         listed = ", ".join(f"{log.name} of {log.servo}" for log in others)
         raise ValueError(f"expected logs of a {model.name}, not {listed}")

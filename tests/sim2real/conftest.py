@@ -18,8 +18,9 @@ PHYSICS_STEP = 0.004  # s
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark every test of learning, so that `make test-train` alone runs it."""
+    here = Path(__file__).parent
     for item in items:
-        if item.path.is_relative_to(Path(__file__).parent):
+        if item.path.is_relative_to(here) and here / "identification" not in item.path.parents:
             item.add_marker(pytest.mark.train)
 
 

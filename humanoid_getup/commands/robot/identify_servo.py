@@ -14,11 +14,19 @@ from tyro.conf import Positional, arg
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import make_table
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.files import FOLDER, READ
+from humanoid_getup.commands.files import READ, Written
 from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.progress.callback import ProgressMonitor
-from robots.description.servo_catalog import SERVOS_FILE, read_servo_models, write_servo_model
+from robots.description.servo_catalog import (
+    SERVOS_FILE,
+    read_servo_models,
+    servo_models,
+    write_servo_model,
+)
 from robots.servo import ServoModel
+
+MARGIN = 0.98  # of the catalog's error, below which figures are better
+LEAST_LOGS = 3  # for intervals, of refits without some of them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,14 +40,17 @@ class IdentifyRequest(CommandRequest):
     logs: Annotated[Positional[tuple[Path, ...]], READ, arg(metavar="LOG...")]
     """Logs in the JSON format of BAM."""
     hold_out: Annotated[tuple[Path, ...], READ, arg(metavar="LOG,...")] = ()
-    """Logs that are not fitted; default: each quarter of the logs in turn."""
+    """Logs that are not fitted; default: each trajectory in turn."""
     servo: Annotated[str | None, arg(metavar="TYPE")] = None
     """Servo type, e.g. XL330-M288; default: that of the logs, if only one has their name."""
-    write: Annotated[Path | None, FOLDER, arg(metavar="DIR")] = None
+    write: Annotated[Path | None, Written((SERVOS_FILE,)), arg(metavar="DIR")] = None
     """Folder of the robot whose servos.toml gets the figures."""
 
     def _find_problems(self) -> Iterator[str]:
         yield from super()._find_problems()
+        if len(self.logs) < LEAST_LOGS:
+            expected = f"expected {LEAST_LOGS} or more, of several trajectories and P gains"
+            yield f"logs to fit are {len(self.logs)}, {expected}"
         if both := set(self.logs) & set(self.hold_out):
             names = ", ".join(sorted(map(str, both)))
             yield f"--hold-out is {names}, expected other logs than those that are fitted"
@@ -73,8 +84,8 @@ class IdentifiedServo:
 
     @property
     def is_better(self) -> bool:
-        """Return whether the figures are better than those of the catalog."""
-        return self.held_out_mae_mrad < self.catalog_mae_mrad
+        """Return whether the figures are better than those of the catalog, beyond rounding."""
+        return self.held_out_mae_mrad < MARGIN * self.catalog_mae_mrad
 
 
 @command("identify servo", json=True)
@@ -90,17 +101,16 @@ def identify_servo(request: IdentifyRequest, monitor: ProgressMonitor) -> Identi
     model = _choose_model(request, every[0].servo)
     check_servo(every, model)
     fitter = ServoFitter(model)
-    fit, held_out_error = fitter.identify(logs, held_out, monitor.begin)
+    fit = fitter.identify(logs, held_out, monitor.begin)
     values = {name: one.value for name, one in fit.parameters.items()}
-    errors = list(fit.errors.values())
     found = IdentifiedServo(
         servo=model.name,
         model=fit.model,
         parameters=values,
         intervals={name: (one.lower, one.upper) for name, one in fit.parameters.items()},
         not_identified=tuple(n for n, one in fit.parameters.items() if not one.is_identified),
-        mae_mrad=1e3 * sum(errors) / len(errors),
-        held_out_mae_mrad=1e3 * held_out_error,
+        mae_mrad=1e3 * fit.error,
+        held_out_mae_mrad=1e3 * fit.held_out_error,
         catalog_mae_mrad=1e3 * fitter.measure_catalog(held_out or logs, values["offset"]),
         warnings=tuple(find_warnings(every, model)),
         logs={log.name: log.checksum for log in every},
@@ -139,14 +149,16 @@ def _print(found: IdentifiedServo, request: IdentifyRequest, console: Console) -
 
 def _choose_model(request: IdentifyRequest, name: str) -> ServoModel:
     """Choose the servo type that is named, or the only one that the logs can mean."""
-    models, problems = read_servo_models(request.write or Path())
+    from sim2real.identification.servo_log import is_of
+
+    models, problems = read_servo_models(request.write) if request.write else (servo_models(), [])
     if problems:
         raise BadInputError(*problems)
     if request.servo is not None:
         if request.servo not in models:
             raise BadInputError(f"--servo is {request.servo}, expected one of {', '.join(models)}")
         return models[request.servo]
-    fitting = [each for each in models if each.lower().startswith(name.lower())]
+    fitting = [each for each, model in models.items() if is_of(name, model)]
     if len(fitting) != 1:
         known = ", ".join(fitting or models)
         raise BadInputError(f"the logs are of a servo '{name}': choose --servo among {known}")

@@ -24,7 +24,7 @@ STARTS, TRIED = 48, 3  # drawn about the data sheet; of them fitted
 WIDE, NEAR = 0.5, 0.05  # spread of starts about the data sheet, and about a smaller model
 FIRST_STEPS, MOST_STEPS = 6, 40  # of a descent: of each of those starts, and of the best
 STEP = 1e-4  # of a parameter's scale, for finite differences
-ROBUST = 0.05  # rad of error, beyond which an error counts in proportion and not squared
+ROBUST = 0.2  # rad of error, beyond which an error counts in proportion and not squared
 PARTS = 4  # refits for intervals, each without a part of the logs
 BETTER = 0.98  # of the held-out error that a larger model has to come below
 CONFIDENCE = 0.95
@@ -52,10 +52,10 @@ class ServoFit:
     model: str
     """Name of the model of friction."""
     parameters: dict[str, Estimate]
-    error: float
-    """Mean absolute error of the angle along the logs [rad]."""
+    errors: Array
+    """Mean absolute error of the angle along each log [rad], (L,)."""
     held_out_error: float
-    """That along logs that were not fitted [rad]."""
+    """Mean of that along logs that were not fitted [rad]."""
 
     def apply(self, servo: ServoModel) -> ServoModel:
         """Return a servo type with the identified figures, at its nominal voltage."""
@@ -192,15 +192,11 @@ class ServoFitter:
             tell(name)
             whole = self.fit(logs, count, whole)
             parts = [] if held_out else self._refit_parts(logs, count, whole)
-            errors = (
-                self.measure(held_out, whole)
-                if held_out
-                else np.concatenate(
-                    [self.measure(part, x) for (_, part), x in zip(split(logs), parts, strict=True)]
-                )
-            )
-            if errors.mean() < BETTER * best:
-                best, chosen = float(errors.mean()), (name, whole, parts)
+            fitted = zip(split(logs), parts, strict=True)
+            checks = [(held_out, whole)] if held_out else [(part, x) for (_, part), x in fitted]
+            error = float(np.concatenate([self.measure(*check) for check in checks]).mean())
+            if error < BETTER * best:
+                best, chosen = error, (name, whole, parts)
         name, whole, parts = chosen
         parts = parts or self._refit_parts(logs, MODELS[name], whole)
         reach = compute_reach(np.array(parts))
@@ -214,7 +210,7 @@ class ServoFitter:
                 )
                 for i in range(MODELS[name])
             },
-            error=float(self.measure(logs, whole).mean()),
+            errors=self.measure(logs, whole),
             held_out_error=best,
         )
 

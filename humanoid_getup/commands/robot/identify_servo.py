@@ -73,7 +73,9 @@ class IdentifiedServo:
     not_identified: tuple[str, ...]
     """Parameters that the logs leave open."""
     mae_mrad: float
-    """Mean absolute error of the angle along the logs."""
+    """Mean absolute error of the angle along the fitted logs."""
+    log_mae_mrad: dict[str, float]
+    """That along each of them."""
     held_out_mae_mrad: float
     catalog_mae_mrad: float
     """That of the catalog's figures, along the held-out logs or, without any, all."""
@@ -109,7 +111,10 @@ def identify_servo(request: IdentifyRequest, monitor: ProgressMonitor) -> Identi
         parameters=values,
         intervals={name: (one.lower, one.upper) for name, one in fit.parameters.items()},
         not_identified=tuple(n for n, one in fit.parameters.items() if not one.is_identified),
-        mae_mrad=1e3 * fit.error,
+        mae_mrad=1e3 * float(fit.errors.mean()),
+        log_mae_mrad=dict(
+            zip((log.name for log in logs), (1e3 * fit.errors).tolist(), strict=True)
+        ),
         held_out_mae_mrad=1e3 * fit.held_out_error,
         catalog_mae_mrad=1e3 * fitter.measure_catalog(held_out or logs, values["offset"]),
         warnings=tuple(find_warnings(every, model)),

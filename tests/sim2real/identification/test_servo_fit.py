@@ -38,7 +38,7 @@ def describe(figures: np.ndarray) -> ServoFit:
     """Make a result of figures."""
     values = zip(PARAMETERS, figures.tolist(), strict=True)
     exact = {name: Estimate(value=value, lower=value, upper=value) for name, value in values}
-    return ServoFit(model=STIFF, parameters=exact, error=0.0, held_out_error=0.0)
+    return ServoFit(model=STIFF, parameters=exact, errors=np.zeros(1), held_out_error=0.0)
 
 
 def test_hidden_figures_are_found_and_better_ones_written(
@@ -58,6 +58,7 @@ def test_hidden_figures_are_found_and_better_ones_written(
     covered = [lower <= figures[name] <= upper for name, (lower, upper) in found.intervals.items()]
     assert sum(covered) >= 8
     assert found.mae_mrad < found.held_out_mae_mrad < 1.0 < 10.0 < found.catalog_mae_mrad
+    assert found.mae_mrad == pytest.approx(np.mean(list(found.log_mae_mrad.values())))
     text = (tmp_path / "servos.toml").read_text()
     assert text.startswith('# ours\n["MX-28(2.0)"]\nmass = 0.5\n')
     assert all(f"{name}: {checksum}" in text for name, checksum in found.logs.items())
@@ -68,7 +69,9 @@ def test_hidden_figures_are_found_and_better_ones_written(
     assert written.resistance == pytest.approx(found.parameters["resistance"], rel=1e-4)
     assert written.stiction == pytest.approx(found.parameters["stiction"], rel=1e-4)
 
-    same = replace(describe(HIDDEN), held_out_error=1e-3 * found.held_out_mae_mrad)
+    same = replace(
+        describe(HIDDEN), errors=np.zeros(6), held_out_error=1e-3 * found.held_out_mae_mrad
+    )
     monkeypatch.setattr(ServoFitter, "identify", lambda *_: same)
     with pytest.raises(BadInputError, match="nothing is written"):
         identify_servo(request)

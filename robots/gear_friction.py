@@ -33,6 +33,8 @@ class GearFriction:
             [model.tendon(robot.joint_names[i]).id for i in self.in_tendons], dtype=int
         )
         self._gear = np.array([servo.gear for servo in servos])
+        self.added_share: Array | float = 0.0
+        """Further friction of all gears per torque of the motor, that broadcasts with (..., n)."""
         names = ("friction", "load_friction", "load_friction_slope", "stiction", "stiction_speed")
         self._figures = np.array([[getattr(s.model, name) for name in names] for s in servos]).T
 
@@ -47,6 +49,7 @@ class GearFriction:
         Torques [N·m] and joint speeds [rad/s] are (..., n), of actuators and of joints.
         """
         friction, share, slope, stiction, fading = self._figures
+        share = share + self.added_share
         load = np.abs(torque) / self._gear
         speed = np.abs(self._robot.transmission.to_servo(joint_vel))
         loss = load * (share + slope * load + stiction * np.exp(-speed / fading))

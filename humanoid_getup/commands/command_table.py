@@ -96,9 +96,12 @@ COMMANDS = {
     "servo monitor": Entry("Show what servos measure, and their ranges.", "servo.devices"),
     "servo reboot": Entry("Restart a servo.", "servo.address"),
     "servo reset": Entry("Set a servo to the values as shipped.", "servo.address"),
-    "identify": Entry("Identify the physics of servos from logs."),
+    "identify": Entry("Identify the physics of servos and robots from logs."),
     "identify servo": Entry(
         "Identify motor and friction of a servo type from logs.", "robot.identify_servo"
+    ),
+    "identify robot": Entry(
+        "Identify one robot from the flight logs of its own rises.", "robot.identify_robot"
     ),
     "doctor": Entry("Check a robot on its bus; moves nothing.", "robot.doctor"),
     "calibrate": Entry("Measure the zeros and signs of the servos.", "robot.calibrate"),

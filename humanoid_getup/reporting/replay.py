@@ -15,6 +15,7 @@ from drivers.twin.device_models import VOLTAGE_STEP
 from humanoid_getup.experiments.judging.standing import MAX_TILT
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
+from robots.servo import LIMIT_MODES, LimitMode
 
 THRESHOLD = 0.05  # rad, 3 degrees: above the effect of encoders, backlash and one late cycle
 PHASES = ("lying", "rising", "standing")
@@ -208,6 +209,11 @@ def choose_supply(record: FlightRecord, robot: Robot) -> float:
     if not len(measured) or abs(measured[0] - robot.supply_voltage) <= 0.5 * VOLTAGE_STEP + 1e-9:
         return robot.supply_voltage
     return float(measured[0])
+
+
+def find_limit_mode(record: FlightRecord) -> LimitMode | None:
+    """Find what the flight's torque limit acted on; a log that does not say it flew as usual."""
+    return next((mode for mode in LIMIT_MODES if mode == record.about.get("limit_by")), None)
 
 
 def _count_periods(record: FlightRecord, period: float) -> np.ndarray:

@@ -62,8 +62,9 @@ class VecSim:
         # Friction of each geom as a share of the ground's: obstacles may have their own.
         own = self.model.geom_friction[:, 0] / world.scene.surface.friction
         self._friction_share = np.where(world.is_world_geom, own, 1.0)
-        self._gears = GearFriction(self.robot, self.model)
-        if not self._gears.is_constant:
+        self.gears = GearFriction(self.robot, self.model)
+        """Friction of the gears, of which all worlds have the same figures."""
+        if not self.gears.is_constant:
             for name in ("dof_frictionloss", "tendon_frictionloss")[: 1 + bool(self.model.ntendon)]:
                 self._fields[name] = self.batch.expand(name)
         self._set_drives(self.everyone, self.parameters)
@@ -126,7 +127,7 @@ class VecSim:
         at the end of every target, (N, T, ...). The friction of gears under load and the supply
         behind a resistance follow after every target.
         """
-        is_ideal = self._gears.is_constant and not self.robot.supply_resistance
+        is_ideal = self.gears.is_constant and not self.robot.supply_resistance
         if is_ideal or targets.shape[1] == 1:
             return self._roll_out(targets, hold, record, ids)
         diverged, rolled = False, list[dict[str, Array]]()
@@ -160,7 +161,7 @@ class VecSim:
 
     def _follow_load(self, ids: Ids) -> None:
         """Set friction of gears and supply by the present torques and speeds of the motors."""
-        gears, robot = self._gears, self.robot
+        gears, robot = self.gears, self.robot
         if gears.is_constant and not robot.supply_resistance:
             return
         torque = self.read("actuator_force")[ids][:, self._servos]

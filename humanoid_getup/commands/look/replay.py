@@ -29,13 +29,18 @@ from humanoid_getup.reporting.measured_flight import (
     find_cuts,
     place_measured,
 )
-from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supply, replay
+from humanoid_getup.reporting.replay import (
+    THRESHOLD,
+    ReplayReport,
+    choose_supply,
+    find_limit_mode,
+    replay,
+)
 from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE_FILE
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
 from robots.quaternion import Array
-from robots.servo import LIMIT_MODES, LimitMode
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 from robots.storage.validation import between
@@ -186,7 +191,7 @@ def _replay(
     request: ReplayRequest, record: FlightRecord, world: World, monitor: ProgressMonitor
 ) -> ReplayReport:
     supply = choose_supply(record, world.robot) if request.voltage is None else request.voltage
-    twin = Twin(world, voltage=supply, limit_by=_find_limit_mode(record))
+    twin = Twin(world, voltage=supply, limit_by=find_limit_mode(record))
     if not record.cycles:
         raise ValueError(f"flight log {request.log}: contains no cycle, expected at least one")
     start = record.start or estimate_posture(world, record.measurement(0))
@@ -197,11 +202,6 @@ def _replay(
         threshold=request.threshold or THRESHOLD,
         advance=monitor.count("replaying", record.cycles),
     )
-
-
-def _find_limit_mode(record: FlightRecord) -> LimitMode | None:
-    """Find what the flight's torque limit acted on; a log that does not say it flew as usual."""
-    return next((mode for mode in LIMIT_MODES if mode == record.about.get("limit_by")), None)
 
 
 def _write(flight: ReplayedFlight, out: Path, monitor: ProgressMonitor) -> tuple[Path, ...]:

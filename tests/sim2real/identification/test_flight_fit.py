@@ -1,0 +1,103 @@
+"""A robot that was altered in secret is identified from a flight."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_recording import make_cycle, record_swing, write_flight
+from identify_robots import UNALTERED, AlteredTwin
+from paths import TINY
+
+from drivers import Cycle
+from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.main import main
+from humanoid_getup.commands.robot.identify_robot import FitRobotRequest, identify_robot
+from humanoid_getup.simulation.world import World
+from robots import Robot
+from sim2real.identification import flight_fit
+from sim2real.identification.flight_fit import PLAIN, Excerpt, Replayer, identify
+
+TRUTH = {"strength": 0.9, "friction": 1.4, "mass": 1.05, "delay": 0.007, "com": 0.004}
+
+
+def fly(path: Path, robot: Robot, rate: float = 6.0, **truth: float) -> Path:
+    twin = AlteredTwin(World(robot), UNALTERED | truth)
+    record_swing(path, robot, twin, robot.standing, rate=rate)
+    return path
+
+
+def cut(path: Path, robot: Robot) -> Excerpt:
+    return Excerpt.of(FlightRecord.load(path), World(robot))
+
+
+def test_the_flight_of_a_robot_as_described_is_replayed_within_a_tick(tiny: Robot, swing: Path):
+    row = np.array([UNALTERED[name] for name in PLAIN])
+    gap = Replayer(World(tiny), PLAIN).measure([cut(swing, tiny)], row)
+    assert 0.0 < gap < 0.5
+
+
+def test_an_altered_robot_is_identified(tiny: Robot, tmp_path: Path):
+    flown = cut(fly(tmp_path / "a.mcap", tiny, **TRUTH), tiny)
+    other = cut(fly(tmp_path / "b.mcap", tiny, 9.0, **TRUTH), tiny)
+    advanced: list[float] = []
+    fit = identify(World(tiny), [flown], [other], steps=80, advance=advanced.append)
+    assert sum(advanced) == 80
+    assert fit.gap_mrad < 0.1 * fit.catalog_gap_mrad
+    for name, off in {"strength": 0.02, "friction": 0.25, "delay": 0.0015}.items():
+        assert fit.parameters[name] == pytest.approx(TRUTH[name], abs=off), name
+        assert name not in fit.not_identified
+
+
+def test_friction_by_load_is_found(tiny: Robot, tmp_path: Path):
+    truth = {"load_friction": 0.2, "strength": 0.95, "delay": 0.004}
+    flown = cut(fly(tmp_path / "a.mcap", tiny, **truth), tiny)
+    fit = identify(World(tiny), [flown], steps=80)
+    assert fit.parameters["load_friction"] == pytest.approx(0.2, abs=0.08)
+    assert fit.gap_mrad < 0.2 * fit.catalog_gap_mrad
+
+
+def test_the_command_prints_a_table_and_json(
+    swing: Path,
+    tiny: Robot,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(flight_fit, "STEPS", 8)
+    other = fly(tmp_path / "b.mcap", tiny, 9.0)
+    words = ["identify", "robot", str(swing), "--robot", str(TINY), "--hold-out", str(other)]
+    assert main([*words, "--json", "-"]) == 0
+    printed = capsys.readouterr()
+    found = json.loads(printed.out)
+    assert set(PLAIN) <= set(found["parameters"]) == set(found["intervals"])
+    assert found["robot"] == "tiny" and set(found["flights"]) == {str(swing), str(other)}
+    assert "center of mass, mm forward" in printed.err and "held out: " in printed.err
+
+
+def test_flights_that_show_no_rise_are_refused(tiny: Robot, swing: Path, tmp_path: Path):
+    def limp(cycle: Cycle) -> Cycle:
+        none = np.zeros(tiny.n)
+        return replace(cycle, sent=replace(cycle.sent, torque_limit=none))
+
+    def still(cycle: Cycle) -> Cycle:
+        return replace(cycle, state=replace(cycle.state, joint_pos=np.zeros(tiny.n)))
+
+    logs = {}
+    for name, spoil in (("limp", limp), ("still", still)):
+        logs[name] = tmp_path / f"{name}.mcap"
+        record_swing(logs[name], tiny, AlteredTwin(World(tiny), UNALTERED), tiny.standing, spoil)
+    write_flight(tmp_path / "one.mcap", tiny, [make_cycle(tiny, 0)])
+    for flight, robot, held_out, problem in (
+        (logs["limp"], str(TINY), (), "no cycle has torque at full gain, expected a rise"),
+        (logs["still"], str(TINY), (), "no joint moves by 0.3 rad"),
+        (tmp_path / "one.mcap", str(TINY), (), "expected a rise"),
+        (swing, "op3", (), "it is of robot 'tiny', expected 'op3'"),
+        (swing, str(TINY), (swing,), "expected other flights than those"),
+    ):
+        request = FitRobotRequest(flights=(flight,), hold_out=held_out, robot=robot)
+        with pytest.raises(BadInputError, match=problem) as refused:
+            identify_robot(request)
+        assert len(refused.value.problems) == 1 and "\n" not in str(refused.value)

@@ -20,7 +20,7 @@ MODELS = {
     "friction by load, and stiction": 10,
 }
 """Nested models by their number of parameters, the first ones of `PARAMETERS`."""
-STARTS, TRIED = 48, 3  # drawn about the data sheet; of them fitted
+STARTS, TRIED = 48, 5  # drawn about the data sheet; of them fitted
 WIDE, NEAR = 0.5, 0.05  # spread of starts about the data sheet, and about a smaller model
 FIRST_STEPS, MOST_STEPS = 6, 40  # of a descent: of each of those starts, and of the best
 STEP = 1e-4  # of a parameter's scale, for finite differences

@@ -87,7 +87,7 @@ class Found:
     parameters: dict[str, Estimate]
 
 
-def main(options: IdentifyOptions) -> None:
+def main(options: IdentifyOptions) -> dict[str, Any]:
     """Identify all, and write the coverage of every parameter."""
     numbers = range(options.first, options.first + options.n)
     found = do_pieces(partial(identify, options.seed), numbers, options)
@@ -96,8 +96,10 @@ def main(options: IdentifyOptions) -> None:
         "all": summarize(found, PARAMETERS)
     }
     result = {"name": "identify_servos", "seed": options.seed, "n": options.n, "cases": cases}
+    result["servos"] = found
     figures = ("intervals", "covered", "interval_95", "identified", "median_error")
-    write_results(result | {"servos": found}, figures, options.json)
+    write_results(result, figures, options.json)
+    return result
 
 
 def identify(seed: int, number: int) -> Found:

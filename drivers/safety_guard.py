@@ -263,7 +263,7 @@ class SafetyGuard(Backend):
         """Find a supply that stays low, or that servos keep reporting."""
         limits, time = self.limits, state.time
         is_low = state.voltage < limits.min_voltage - VOLTAGE_ROUNDING
-        is_deep = _report_supply(alerts) or state.voltage < limits.shutdown_voltage
+        is_deep = _report_supply(alerts) or (is_low and state.voltage < limits.shutdown_voltage)
         self._low_since = min(self._low_since, time) if is_low else np.inf
         self._deep_since = min(self._deep_since, time) if is_deep else np.inf
         low, deep = time - self._low_since, time - self._deep_since
@@ -295,8 +295,8 @@ class SafetyGuard(Backend):
         target = np.minimum(np.maximum(in_range, reference - self._reach), reference + self._reach)
         target = np.where(released, state.joint_pos, target)
         supply = state.voltage if np.isinf(self._deep_since) else limits.shutdown_voltage
-        rise = (limits.min_voltage - limits.shutdown_voltage) * self.period / RECOVERY
-        self._supply = min(supply, self._supply + rise)
+        span = max(limits.min_voltage - limits.shutdown_voltage, 0.0)
+        self._supply = min(supply, self._supply + span * self.period / RECOVERY)
         torque = np.minimum(command.torque_limit, limits.derate(state.temperature, self._supply))
         torque = np.where(self._never_driven, 0.0, torque)
         gain = np.minimum(np.maximum(command.gain_scale, 0.0), 1.0)

@@ -175,6 +175,13 @@ def test_a_supply_below_the_least_of_servos_takes_torque_and_ends_the_motion_if_
     assert words in str(guard.fault)
 
 
+def test_a_guard_that_judges_no_supply_takes_no_torque(backend):
+    limits = replace(GuardLimits.of(backend.robot), min_voltage=0.0)
+    with SafetyGuard(backend, limits) as guard:
+        for voltage in (11.1, 9.0, 12.0):
+            assert pass_time(guard, backend, 4.0, voltage=voltage).torque_limit[0] == 4.1
+
+
 def test_after_a_pause_under_torque_the_robot_is_held_where_it_is_measured(guard, backend):
     turn(guard, backend, 0.02)
     backend.state = replace(backend.state, joint_pos=np.array([0.3, -0.2]))

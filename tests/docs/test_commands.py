@@ -18,8 +18,9 @@ def test_the_commands_of_the_documentation_are_understood(op3, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     motions = [known.name for known in load_database(op3).motions]
     for line, page in nonempty(LINES):
-        for folder in re.findall(r"--(?:parent|prior|folder) (\S+)", line):
+        for folder in re.findall(r"--(?:parent|prior|folder|write) (\S+)", line):
             (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+            (tmp_path / folder / "robot.toml").touch()
         options = parse(shlex.split(line, comments=True)[1:]).options
         assert options.find_problems() == [], (line, page)
         motion = getattr(options, "motion", None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from humanoid_getup.motions.preference import PreferenceName
+from humanoid_getup.motions.preference import Preference, PreferenceName
 from robots import FULL_TORQUE, TorqueLimit
 from robots.arguments import expect
 
@@ -35,7 +35,18 @@ class PlannerSettings:
         expect(
             "torque_limit", self.torque_limit, TorqueLimit, "a TorqueLimit, e.g. TorqueLimit(2.5)"
         )
-        expect("search_budget", self.search_budget, int | float, "a number of seconds")
+        Preference.of(self.prefer)
+        for name, kind, what in (
+            ("search_budget", int | float, "a number of seconds"),
+            ("assistance", int | float, "a share from 0"),
+            ("threads", int, "a whole number from 0"),
+        ):
+            expect(name, getattr(self, name), kind, what)
+        for name in ("planning", "filtering"):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"{name} is {getattr(self, name)!r}, expected True or False")
+        if self.threads < 0:
+            raise ValueError(f"threads are {self.threads}, expected a whole number from 0")
         if not 0.0 < self.search_budget <= MOST_BUDGET:
             raise ValueError(
                 f"search_budget is {self.search_budget} s, expected above 0 s, at most "

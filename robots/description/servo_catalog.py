@@ -65,6 +65,11 @@ def _read_model(name: str, table: Any, problems: list[str]) -> ServoModel:
             f"{place}: min_voltage is {model.min_voltage:g} V, "
             f"expected at most max_voltage, {model.max_voltage:g} V"
         )
+    if len(problems) == found and not model.top_speed > 0.0:
+        problems.append(
+            f"{place}: friction takes all of the motor's torque, {model.stall_torque:g} N·m: "
+            "expected less"
+        )
     return model
 
 

@@ -24,6 +24,7 @@ LONGEST_GAP = 0.1  # s between two samples
 SHORTEST = 1.0  # s
 LARGEST_ANGLE = 6.0 * math.pi  # rad; a log in degrees is far beyond
 LEAST_REACH = 0.3  # rad
+LEAST_SLOPE = 0.3  # of PWM by the error, below which no gain divisor explains it
 LEAST_DUTY, LEAST_SAMPLES, MOST_SLOPE_ERROR = 0.05, 100, 0.1  # of a comparison of PWM and error
 MOST_BYTES = 1 << 26
 
@@ -182,11 +183,12 @@ def find_warnings(logs: list[ServoLog], model: ServoModel) -> Iterator[str]:
             continue
         slope = float(expected[free] @ log.duty[free] / (expected[free] @ expected[free]))
         if abs(slope - 1.0) > MOST_SLOPE_ERROR:
-            yield (
-                f"{log.name}: PWM is {slope:.2f} of what the P gain makes of the error: expected "
-                f"a gain divisor of {model.gain_divisor / slope:.0f}, not {model.gain_divisor:g}, "
-                "or the clocks of goal and angle differ"
-            )
+            cause = "check the sign and the unit of angles and goals"
+            if slope > LEAST_SLOPE:
+                divisor = model.gain_divisor / slope
+                cause = f"expected a gain divisor of {divisor:.0f}, not {model.gain_divisor:g}, "
+                cause += "or the clocks of goal and angle differ"
+            yield f"{log.name}: PWM is {slope:.2f} of what the P gain makes of the error: {cause}"
 
 
 def is_of(servo: str, model: ServoModel) -> bool:

@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import make_table
-from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError
 from humanoid_getup.commands.files import READ, Written
 from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.progress.callback import ProgressMonitor
@@ -26,6 +26,7 @@ from robots.description.servo_catalog import (
 from robots.servo import ServoModel
 
 MARGIN = 0.98  # of the catalog's error, below which figures are better
+TOO_FAR = 0.1  # rad of error, beyond which the logs are not of such a servo
 LEAST_LOGS = 3  # for intervals, of refits without some of them
 
 
@@ -82,12 +83,9 @@ class IdentifiedServo:
     warnings: tuple[str, ...]
     logs: dict[str, str]
     """SHA-256 of each log."""
+    doubt: str
+    """Why the figures are not to be used; empty if they may be."""
     written: bool
-
-    @property
-    def is_better(self) -> bool:
-        """Return whether the figures are better than those of the catalog, beyond rounding."""
-        return self.held_out_mae_mrad < MARGIN * self.catalog_mae_mrad
 
 
 @command("identify servo", json=True)
@@ -105,7 +103,14 @@ def identify_servo(request: IdentifyRequest, monitor: ProgressMonitor) -> Identi
     fitter = ServoFitter(model)
     fit = fitter.identify(logs, held_out, monitor.begin)
     values = {name: one.value for name, one in fit.parameters.items()}
-    found = IdentifiedServo(
+    catalog = fitter.measure_catalog(held_out or logs, values["offset"])
+    identified = fit.apply(model)
+    doubt = _find_doubt(identified, fit.held_out_error, catalog)
+    if request.write is not None and not doubt:
+        about = ["Identified by `getup identify servo` from logs (SHA-256):"]
+        about += [f"{log.name}: {log.checksum}" for log in every]
+        write_servo_model(request.write, identified, about)
+    return IdentifiedServo(
         servo=model.name,
         model=fit.model,
         parameters=values,
@@ -116,26 +121,31 @@ def identify_servo(request: IdentifyRequest, monitor: ProgressMonitor) -> Identi
             zip((log.name for log in logs), (1e3 * fit.errors).tolist(), strict=True)
         ),
         held_out_mae_mrad=1e3 * fit.held_out_error,
-        catalog_mae_mrad=1e3 * fitter.measure_catalog(held_out or logs, values["offset"]),
+        catalog_mae_mrad=1e3 * catalog,
         warnings=tuple(find_warnings(every, model)),
         logs={log.name: log.checksum for log in every},
-        written=request.write is not None,
+        doubt=doubt,
+        written=request.write is not None and not doubt,
     )
-    if request.write is None:
-        return found
-    if not found.is_better:
-        raise BadInputError(
-            f"nothing is written: {found.held_out_mae_mrad:.1f} mrad along held-out logs, "
-            f"{found.catalog_mae_mrad:.1f} mrad with the catalog's figures"
+
+
+def _find_doubt(identified: ServoModel, error: float, catalog: float) -> str:
+    """Find why figures are not to be used, by their error and the catalog's [rad]."""
+    if error > TOO_FAR:
+        return (
+            f"{1e3 * error:.0f} mrad along held-out logs: no servo like this one moves so; check "
+            "sign, zero and unit of the angles"
         )
-    about = ["Identified by `getup identify servo` from logs (SHA-256):"]
-    about += [f"{name}: {checksum}" for name, checksum in found.logs.items()]
-    write_servo_model(request.write, fit.apply(model), about)
-    return found
+    if error >= MARGIN * catalog:
+        return (
+            f"{1e3 * error:.1f} mrad along held-out logs, {1e3 * catalog:.1f} mrad with the "
+            "catalog's figures: keep those, or record more trajectories, loads and P gains"
+        )
+    return "" if identified.top_speed > 0.0 else "friction takes all of the motor's torque"
 
 
 @identify_servo.show
-def _print(found: IdentifiedServo, request: IdentifyRequest, console: Console) -> None:
+def _print(found: IdentifiedServo, request: IdentifyRequest, console: Console) -> int:
     table = make_table((found.servo, "value", "95 %"), left=(found.servo,))
     for name, value in found.parameters.items():
         lower, upper = found.intervals[name]
@@ -148,8 +158,12 @@ def _print(found: IdentifiedServo, request: IdentifyRequest, console: Console) -
     )
     for warning in found.warnings:
         console.print(f"[yellow]![/] {escape(warning)}")
-    if found.written and request.write is not None:
+    if found.doubt:
+        console.print(f"not to be used: {found.doubt}", markup=False, soft_wrap=True)
+        return DID_NOT_STAND
+    if request.write is not None:
         console.print(f"written to {request.write / SERVOS_FILE}", markup=False, soft_wrap=True)
+    return DID_IT
 
 
 def _choose_model(request: IdentifyRequest, name: str) -> ServoModel:

@@ -1,12 +1,14 @@
 """Servo types: the package's own, and those of a robot's folder."""
 
+from pathlib import Path
+
 import pytest
 from nonempty import nonempty
 from spoiling import complaint, spoil
 
 from drivers.dynamixel.control_table import OperatingMode, known_models, table_named, types_of
 from robots import load_robot
-from robots.description.servo_catalog import servo_models
+from robots.description.servo_catalog import read_servo_models, servo_models
 from robots.model_import.servo_choice import list_guessed
 
 OWN = """
@@ -89,3 +91,10 @@ def test_figures_that_a_control_table_has_too_are_the_same():
             assert model.current_step == table["present_current"].scale, name
         upper = table["max_voltage_limit"].upper
         assert upper is not None and 10.0 * model.max_voltage <= upper, name
+
+
+def test_friction_that_takes_all_torque_is_refused(tmp_path: Path):
+    (tmp_path / "servos.toml").write_text("[XM430-W350]\nload_friction = 1.0\n")
+    _, problems = read_servo_models(tmp_path)
+    wrong = "friction takes all of the motor's torque, 4.1 N·m: expected less"
+    assert problems == [f"servos.toml: 'XM430-W350': {wrong}"]

@@ -10,7 +10,6 @@ from scipy.stats import t as student
 from servo_logs import HIDDEN, SHEET, record_servo, write_servo_log
 
 from drivers import Command, Twin
-from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.robot.identify_servo import IdentifyRequest, identify_servo
 from robots.bench import Load, make_bench, make_bench_joint
 from robots.description.servo_catalog import read_servo_models, servo_models
@@ -73,8 +72,12 @@ def test_hidden_figures_are_found_and_better_ones_written(
         describe(HIDDEN), errors=np.zeros(6), held_out_error=1e-3 * found.held_out_mae_mrad
     )
     monkeypatch.setattr(ServoFitter, "identify", lambda *_: same)
-    with pytest.raises(BadInputError, match="nothing is written"):
-        identify_servo(request)
+    again = identify_servo(request)
+    assert not again.written
+    assert "keep those, or record more" in again.doubt
+    absurd = replace(same, held_out_error=0.5)
+    monkeypatch.setattr(ServoFitter, "identify", lambda *_: absurd)
+    assert "check sign, zero and unit of the angles" in identify_servo(request).doubt
     assert (tmp_path / "servos.toml").read_text() == text
 
 

@@ -91,10 +91,10 @@ def _print(found: IdentifiedRobot, request: FitRobotRequest, console: Console) -
         reach = "not identified" if name in fit.not_identified else f"{lower:.3g} to {upper:.3g}"
         table.add_row(label, f"{scale * value:.3g}", reach)
     console.print(table)
-    checked = "held out" if request.hold_out else "fitted"
+    fitted = f"gap along the flights {fit.fitted_gap_mrad:.1f} mrad; " if request.hold_out else ""
+    checked = "along those held out" if request.hold_out else "along the flights"
     console.print(
-        f"fitted: {fit.fitted_gap_mrad:.1f} mrad; {checked}: {fit.gap_mrad:.1f} mrad, as described "
-        f"{fit.catalog_gap_mrad:.1f} mrad"
+        f"{fitted}{checked} {fit.gap_mrad:.1f} mrad, as described {fit.catalog_gap_mrad:.1f} mrad"
     )
     if not fit.is_better:
         console.print("no better than the robot as described")

@@ -74,7 +74,7 @@ def test_the_command_prints_a_table_and_json(
     found = json.loads(printed.out)
     assert set(PLAIN) <= set(found["parameters"]) == set(found["intervals"])
     assert found["robot"] == "tiny" and set(found["flights"]) == {str(swing), str(other)}
-    assert "center of mass, mm forward" in printed.err and "held out: " in printed.err
+    assert "center of mass, mm forward" in printed.err and "along those held out " in printed.err
 
 
 def test_flights_that_show_no_rise_are_refused(tiny: Robot, swing: Path, tmp_path: Path):

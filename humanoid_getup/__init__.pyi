@@ -59,7 +59,7 @@ from humanoid_getup.commands.robot.export_robot import ExportRobotRequest as Exp
 from humanoid_getup.commands.robot.export_robot import export_robot as export_robot
 from humanoid_getup.commands.robot.identify_robot import FitRobotRequest as FitRobotRequest
 from humanoid_getup.commands.robot.identify_robot import identify_robot as identify_robot
-from humanoid_getup.commands.robot.identify_servo import IdentifyRequest as IdentifyRequest
+from humanoid_getup.commands.robot.identify_servo import FitServoRequest as FitServoRequest
 from humanoid_getup.commands.robot.identify_servo import identify_servo as identify_servo
 from humanoid_getup.commands.robot.import_robot import ImportRequest as ImportRequest
 from humanoid_getup.commands.robot.import_robot import import_robot as import_robot

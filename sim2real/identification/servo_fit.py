@@ -1,4 +1,4 @@
-"""Identification of a servo type: least squares on logs, nested models, honest intervals."""
+"""Identification of a servo type: least squares on logs, nested models, and intervals."""
 
 from __future__ import annotations
 
@@ -56,6 +56,11 @@ class ServoFit:
     """Mean absolute error of the angle along each log [rad], (L,)."""
     held_out_error: float
     """Mean of that along logs that were not fitted [rad]."""
+
+    @property
+    def not_identified(self) -> tuple[str, ...]:
+        """Return the parameters that the logs leave open."""
+        return tuple(name for name, one in self.parameters.items() if not one.is_identified)
 
     def apply(self, servo: ServoModel) -> ServoModel:
         """Return a servo type with the identified figures, at its nominal voltage."""

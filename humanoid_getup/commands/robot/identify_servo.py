@@ -31,7 +31,7 @@ LEAST_LOGS = 3  # for intervals, of refits without some of them
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyRequest(CommandRequest):
+class FitServoRequest(CommandRequest):
     """Identify motor and friction of a servo type from logs of one that moves a mass on a lever.
 
     Nested models of friction are fitted; the one with the smallest error on held-out logs is
@@ -89,7 +89,7 @@ class IdentifiedServo:
 
 
 @command("identify servo", json=True)
-def identify_servo(request: IdentifyRequest, monitor: ProgressMonitor) -> IdentifiedServo:
+def identify_servo(request: FitServoRequest, monitor: ProgressMonitor) -> IdentifiedServo:
     """Identify a servo type from logs."""
     from sim2real.identification.servo_fit import ServoFitter
     from sim2real.identification.servo_log import check_servo, find_warnings, load_servo_log
@@ -109,13 +109,15 @@ def identify_servo(request: IdentifyRequest, monitor: ProgressMonitor) -> Identi
     if request.write is not None and not doubt:
         about = ["Identified by `getup identify servo` from logs (SHA-256):"]
         about += [f"{log.name}: {log.checksum}" for log in every]
+        if fit.not_identified:
+            about.append(f"Not identified one by one: {', '.join(fit.not_identified)}")
         write_servo_model(request.write, identified, about)
     return IdentifiedServo(
         servo=model.name,
         model=fit.model,
         parameters=values,
         intervals={name: (one.lower, one.upper) for name, one in fit.parameters.items()},
-        not_identified=tuple(n for n, one in fit.parameters.items() if not one.is_identified),
+        not_identified=fit.not_identified,
         mae_mrad=1e3 * float(fit.errors.mean()),
         log_mae_mrad=dict(
             zip((log.name for log in logs), (1e3 * fit.errors).tolist(), strict=True)
@@ -145,7 +147,7 @@ def _find_doubt(identified: ServoModel, error: float, catalog: float) -> str:
 
 
 @identify_servo.show
-def _print(found: IdentifiedServo, request: IdentifyRequest, console: Console) -> int:
+def _print(found: IdentifiedServo, request: FitServoRequest, console: Console) -> int:
     table = make_table((found.servo, "value", "95 %"), left=(found.servo,))
     for name, value in found.parameters.items():
         lower, upper = found.intervals[name]
@@ -166,7 +168,7 @@ def _print(found: IdentifiedServo, request: IdentifyRequest, console: Console) -
     return DID_IT
 
 
-def _choose_model(request: IdentifyRequest, name: str) -> ServoModel:
+def _choose_model(request: FitServoRequest, name: str) -> ServoModel:
     """Choose the servo type that is named, or the only one that the logs can mean."""
     from sim2real.identification.servo_log import is_of
 

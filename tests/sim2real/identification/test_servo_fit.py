@@ -10,7 +10,7 @@ from scipy.stats import t as student
 from servo_logs import HIDDEN, SHEET, record_servo, write_servo_log
 
 from drivers import Command, Twin
-from humanoid_getup.commands.robot.identify_servo import IdentifyRequest, identify_servo
+from humanoid_getup.commands.robot.identify_servo import FitServoRequest, identify_servo
 from robots.bench import Load, make_bench, make_bench_joint
 from robots.description.servo_catalog import read_servo_models, servo_models
 from robots.servo import ServoModel
@@ -46,7 +46,7 @@ def test_hidden_figures_are_found_and_better_ones_written(
     (tmp_path / "robot.toml").write_text("")
     (tmp_path / "servos.toml").write_text('# ours\n["MX-28(2.0)"]\nmass = 0.5\n')
     files = [write_servo_log(tmp_path / f"{k}.json", log) for k, log in enumerate(logs)]
-    request = IdentifyRequest(
+    request = FitServoRequest(
         logs=(*files[:3], *files[6:]), hold_out=tuple(files[3:6]), write=tmp_path
     )
     found = identify_servo(request)

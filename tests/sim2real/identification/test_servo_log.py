@@ -9,7 +9,7 @@ import pytest
 from servo_logs import SHEET, record_servo, write_servo_log
 
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.robot.identify_servo import IdentifyRequest, identify_servo
+from humanoid_getup.commands.robot.identify_servo import FitServoRequest, identify_servo
 from robots.quaternion import Array
 from robots.servo import PWM_FULL_SCALE
 from sim2real.identification.servo_log import ServoLog, find_warnings, load_servo_log
@@ -62,7 +62,7 @@ def test_the_command_refuses_what_it_cannot_identify(logs: list[ServoLog], tmp_p
     files = tuple(write_servo_log(tmp_path / f"{k}.json", log) for k, log in enumerate(logs[:4]))
     other = write_servo_log(tmp_path / "other.json", logs[0], motor="mx64")
     (tmp_path / "robot.toml").write_text("")
-    request = IdentifyRequest(logs=files, write=tmp_path)
+    request = FitServoRequest(logs=files, write=tmp_path)
     wrong = {
         "expected logs of a XM430-W350, not other.json of mx64": {"hold_out": (other,)},
         r"choose --servo among MX-64\(2.0\), MX-64\(1.0\)": {"logs": (other, *files)},

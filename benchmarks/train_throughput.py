@@ -2,16 +2,14 @@
 
 Bare physics steps the same robots on `mujoco.batch` with the targets that the environment sent,
 each policy step from the state that the environment was in: nothing is sensed, rewarded or reset.
-Compared with it, in turn: the environment with random actions; training, learning included, as it
-is by default, with `--overlap`, and by two processes of torchrun; and, once, the same task as
-single-robot Gymnasium environments in two processes under stable-baselines3 (`pip install
-stable-baselines3`; skipped if missing).
+Compared with it, in turn: the environment with random actions; training, learning included; and,
+once, the same task as single-robot Gymnasium environments in two processes under stable-baselines3
+(`pip install stable-baselines3`; skipped if missing).
 
     python benchmarks/train_throughput.py --json throughput.json
 
-Minutes until a policy, as it would be exported, stands up from 95 % of 200 falls that it never saw,
-in each of the three ways; of every 25th iteration, those are tried in which half as many stood up
-while exploring:
+Minutes until a policy, as it would be exported, stands up from 95 % of 200 falls that it never saw;
+of every 25th iteration, those are tried in which half as many stood up while exploring:
 
     python benchmarks/train_throughput.py --until 0.95 --json minutes.json
 
@@ -28,7 +26,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from json import dumps
 from pathlib import Path
@@ -53,14 +50,6 @@ from sim2real.training.train import POOL, Training, keep_prior
 
 PROCESSES = 2
 SPEED_ITERATIONS = 25
-TORCHRUN = ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(PROCESSES))
-Way = Literal["training", "overlapped", "two processes"]
-# Arguments of Python and of `getup train`; the last is not for recipes with style curves.
-WAYS: dict[Way, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "training": ((), ()),
-    "overlapped": ((), ("--overlap",)),
-    "two processes": (TORCHRUN, ()),
-}
 
 
 @dataclass(frozen=True)
@@ -77,7 +66,6 @@ class Task:
     prior: Path | None
     """Folder of the pose prior of a training with style curves."""
     parent: Path | None
-    ways: tuple[Way, ...]
     seed: int
     """Random seed of the trainings."""
 
@@ -140,19 +128,18 @@ class Stepping:
         return count / (time.perf_counter() - began), whole
 
 
-def measure_training(task: Task, way: Way, iterations: int) -> float:
+def measure_training(task: Task, iterations: int) -> float:
     """Return policy steps per second of a training, from the second iteration on."""
     with tempfile.TemporaryDirectory() as folder:
-        train(task, way, Path(folder), iterations + 2)
+        train(task, Path(folder), iterations + 2)
         return TrainingProgress.read(Path(folder)).steps_per_s(begin=1)
 
 
-def train(task: Task, way: Way, folder: Path, iterations: int) -> None:
-    """Train in a way by `getup train`, from the falls of the task."""
+def train(task: Task, folder: Path, iterations: int) -> None:
+    """Train by `getup train`, from the falls of the task."""
     task.pool.save(folder / POOL, task.robot)
-    recipe, (launcher, options) = task.recipe_name, WAYS[way]
-    line = [sys.executable, *launcher, "-m", "humanoid_getup.commands.main", "train", *options]
-    line += ["--recipe", recipe, "--robot", task.robot.name, "--out", str(folder)]
+    line = [sys.executable, "-m", "humanoid_getup.commands.main", "train"]
+    line += ["--recipe", task.recipe_name, "--robot", task.robot.name, "--out", str(folder)]
     line += ["--iterations", str(iterations), "--robots", str(task.recipe.robots)]
     line += ["--threads", str(task.threads), "--seed", str(task.seed)]
     line += ["--prior", str(task.prior)] if task.prior else []
@@ -225,33 +212,30 @@ def measure_peer(task: Task, iterations: int) -> float | None:
 
 
 def measure_speeds(task: Task, rounds: int, iterations: int) -> dict[str, list[float]]:
-    """Measure bare physics, the environment and each way of training in turn, some times."""
+    """Measure bare physics, the environment and training in turn, some times."""
     stepping = Stepping(task, np.random.default_rng(0))
-    speeds: dict[str, list[float]] = {name: [] for name in ("bare", "env", *task.ways)}
+    speeds: dict[str, list[float]] = {name: [] for name in ("bare", "env", "training")}
     for _ in range(rounds):
         bare, env = stepping.measure()
         speeds["bare"].append(bare)
         speeds["env"].append(env)
-        for way in task.ways:
-            speeds[way].append(measure_training(task, way, iterations))
+        speeds["training"].append(measure_training(task, iterations))
     return speeds
 
 
-def measure_learning(task: Task, share: float) -> Iterator[tuple[str, list[JudgedCheckpoint]]]:
-    """Train the whole recipe in each way; judge until a share of falls stands."""
+def measure_learning(task: Task, share: float) -> list[JudgedCheckpoint]:
+    """Train the whole recipe; judge until a share of falls stands."""
     with tempfile.TemporaryDirectory() as name:
-        for way in task.ways:
-            print(way, flush=True)
-            folder = Path(name, way.replace(" ", "_"))
-            folder.mkdir()
-            checkpoints = KeptCheckpoints(training=folder, folder=folder / "checkpoints")
-            with checkpoints.keeping():
-                train(task, way, folder, task.recipe.iterations)
-            progress, falls = TrainingProgress.read(folder), Path(name, "unseen.npz")
-            judged = judge_until(checkpoints.found, progress, share, falls)
-            if not any(each.stood >= share for each in judged):
-                print(f"  never {share:.0%}", flush=True)
-            yield way, judged
+        folder = Path(name, "training")
+        folder.mkdir()
+        checkpoints = KeptCheckpoints(training=folder, folder=folder / "checkpoints")
+        with checkpoints.keeping():
+            train(task, folder, task.recipe.iterations)
+        progress, falls = TrainingProgress.read(folder), Path(name, "unseen.npz")
+        judged = judge_until(checkpoints.found, progress, share, falls)
+        if not any(each.stood >= share for each in judged):
+            print(f"  never {share:.0%}", flush=True)
+        return judged
 
 
 def main(
@@ -268,11 +252,10 @@ def main(
     steps: int = 40,
     falls: int = 128,
     until: float | None = None,
-    ways: tuple[Way, ...] = (),
     seed: int = 0,
     json: Path | None = None,
 ) -> None:
-    """Compare ways of training with bare physics.
+    """Compare training with bare physics.
 
     Args:
         robot: Name of a robot.
@@ -289,7 +272,6 @@ def main(
         falls: Settled falls in the pool.
         until: Train whole recipes instead, and judge their policies until one stands up from this
             share of falls.
-        ways: Ways to train; default: all that the recipe has.
         seed: Random seed of the trainings, and of the falls that they begin with.
         json: File for the results.
     """
@@ -303,16 +285,13 @@ def main(
     with tempfile.TemporaryDirectory() as folder:
         training = Training(robot=loaded, recipe=chosen, seed=seed, folder=Path(folder))
         pool = training.load_pool()
-    every = tuple(WAYS)[: -1 if chosen.style else None]
-    task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent, ways or every, seed)
+    task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent, seed)
     head: dict[str, object] = {"name": "train_throughput", "recipe": recipe}
     head |= {"robots": chosen.robots, "seed": seed, "mujoco": mujoco.__version__}
     if until is not None:
         head |= {"share": until, "judged_falls": FALLS, "judged_seed": SEED}
-        found = dict[str, list[dict[str, Any]]]()
-        for way, judged in measure_learning(task, until):
-            found[way] = [asdict(one) for one in judged]
-            write(head | {"ways": found}, json)
+        judged = [asdict(one) for one in measure_learning(task, until)]
+        write(head | {"judged": judged}, json)
         return
     speeds = measure_speeds(task, rounds, iterations or SPEED_ITERATIONS)
     if peer := measure_peer(task, peer_iterations):

@@ -44,8 +44,6 @@ from sim2real.environment.training_world import (
     fit_step,
 )
 
-Endings = tuple[NDArray[np.int_], NDArray[np.bool_]]
-"""Rows in the pool where episodes began, and whether they ended standing, (E,)."""
 STANDS = 64  # standing initial postures
 FLOAT = np.float32
 
@@ -115,9 +113,6 @@ class GetUpEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, n)
         self._force = AssistiveForce(options.assistive_force, options.assistive_force)
         self._levels = LevelCurriculum(pool.level)
-        self.follows_at_once = True
-        """Whether curricula follow each ending; otherwise they follow by `follow` alone."""
-        self._endings: list[Endings] = []
         self._rng = np.random.default_rng(0)
         self.target = np.zeros((n, robot.n))
         self.memory = np.zeros((n, outputs))
@@ -140,7 +135,6 @@ class GetUpEnv(VectorEnv):
             self.pool.success[:] = 0.0
             self._force = AssistiveForce(self.options.assistive_force, self.options.assistive_force)
             self._levels = LevelCurriculum(self.pool.level)
-            self._endings.clear()
         self._begin(np.arange(self.num_envs))
         observation = self._observe()
         return observation, {"critic": self._observe_privileged(observation)}
@@ -208,11 +202,9 @@ class GetUpEnv(VectorEnv):
 
     def _note(self, over: EndedEpisodes, height: Array) -> dict[str, Any]:
         """Count how episodes from falls ended, and how high (N,); the curricula follow all."""
-        endings = over.starts, over.stood
-        if self.follows_at_once:
-            self.follow(endings)
-        else:
-            self._endings.append(endings)
+        self.pool.note(over.starts, over.stood)
+        self._force.note(over.stood)
+        self._levels.note(over.starts, over.stood)
         fell = self.pool.fallen[over.starts]
         alone = fell & over.alone
         return {
@@ -222,20 +214,6 @@ class GetUpEnv(VectorEnv):
             "stood_alone": int((over.stood & alone).sum()),
             "height_alone": float(height[over.from_pool][alone].sum()),
         }
-
-    def follow(self, endings: Endings) -> None:
-        """Let the curricula follow how some episodes ended."""
-        starts, stood = endings
-        self.pool.note(starts, stood)
-        self._force.note(stood)
-        self._levels.note(starts, stood)
-
-    def take_endings(self) -> Endings:
-        """Return, and forget, the endings that curricula have not followed."""
-        starts, stood = zip(*self._endings, strict=True) if self._endings else ((), ())
-        self._endings.clear()
-        none = np.zeros(0, dtype=int)
-        return np.concatenate([none, *starts]), np.concatenate([none.astype(bool), *stood])
 
     def _begin(self, ids: NDArray[np.int_]) -> None:
         """Place some robots for their next episode."""
@@ -321,18 +299,14 @@ class GetUpEnv(VectorEnv):
         """Restore a state of :meth:`save_state`."""
         self.sim.restore_state(state["sim"])
         self._rng.bit_generator.state = state["rng"]
-        self.restore_curricula(state)
+        self.pool.success[:] = state["success"]
+        self._force = copy.copy(state["help"])
+        self._levels.restore_state(state["levels"])
         self.target, self.memory = state["target"].copy(), state["memory"].copy()
         self.sensed = state["sensed"]
         self.episodes = copy.deepcopy(state["episodes"])
         if self.style is not None:
             self.style.restore_state(state["style"])
-
-    def restore_curricula(self, state: SavedState) -> None:
-        """Restore only how far the curricula of a state of :meth:`save_state` had come."""
-        self.pool.success[:] = state["success"]
-        self._force = copy.copy(state["help"])
-        self._levels.restore_state(state["levels"])
 
     def _observe_privileged(self, observation: Floats) -> Floats:
         """Add each term, and the time of standing [s], to the policies' observations, (N, size)."""

@@ -87,8 +87,6 @@ class Recipe:
     """Engine that steps physics; mujoco-warp differs from MuJoCo by single precision."""
     learning_rate: float = 1e-3
     """Initial one; it is adapted to the divergence."""
-    overlap: bool = False
-    """Whether the next steps are collected while the networks learn from the last ones."""
     style: StyleRecipe | None = None
     """``None`` for a policy that follows no style curves."""
 
@@ -162,8 +160,6 @@ RECIPES = {
 RECIPE = "recipe.json"
 """Name of the file in a training's folder."""
 FREE = ("recipe.iterations",)  # may differ: a finished training can be continued
-# What holds of files that were written before there was a choice.
-SINCE: dict[str, object] = {"recipe.physics": "mujoco", "recipe.overlap": False}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +207,7 @@ class TrainingRecord:
 def check_recipe(file: Path, requested: Mapping[str, object]) -> None:
     """Check that a recipe file holds the requested recipe; the error names all that differs."""
     try:
-        found = SINCE | _flatten(json.loads(read_bounded(file, MAX_TEXT)))
+        found = _flatten(json.loads(read_bounded(file, MAX_TEXT)))
     except (ValueError, AttributeError, RecursionError) as error:
         raise ValueError(f"{file} is not a recipe of a training: {error}") from error
     wanted = _flatten(as_kept(requested))

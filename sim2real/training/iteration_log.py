@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from sim2real.training.config import STEPS, Recipe
-from sim2real.training.distributed import DistributedProcess
 
 COUNTED = ("falls", "stood", "alone", "stood_alone")
 """What is counted over an iteration; names in the environment's information, too."""
@@ -57,9 +56,8 @@ class IterationLog:
         file: Path,
         recipe: Recipe,
         report: Callable[[TrainReport], None],
-        process: DistributedProcess,
     ) -> None:
-        self._file, self._recipe, self._report, self._process = file, recipe, report, process
+        self._file, self._recipe, self._report = file, recipe, report
         self._clear()
         self._start, self._seconds_before = time.monotonic(), 0.0
         self._iteration = 0
@@ -67,7 +65,7 @@ class IterationLog:
     def resume(self, iteration: int) -> None:
         """Keep the rows before an iteration and continue from there."""
         self._iteration = iteration
-        if not self._process.leads or not self._file.exists():
+        if not self._file.exists():
             return
         with self._file.open(newline="") as stream:
             rows = [row for row in csv.DictReader(stream) if int(row["iteration"]) < iteration]
@@ -85,7 +83,6 @@ class IterationLog:
         self._height += info["height_alone"]
         if len(self._rewards) < STEPS:
             return
-        self._join()
         report = TrainReport(
             iteration=self._iteration,
             iterations=self._recipe.iterations,
@@ -100,8 +97,6 @@ class IterationLog:
         )
         self._iteration += 1
         self._clear()
-        if not self._process.leads:
-            return
         row = asdict(report)
         is_new = not self._file.exists()
         with self._file.open("a", newline="") as stream:
@@ -114,12 +109,3 @@ class IterationLog:
     def _clear(self) -> None:
         self._rewards, self._task_rewards = list[float](), list[float]()
         self._counts, self._height = Counter[str](), 0.0
-
-    def _join(self) -> None:
-        """Join the figures of all processes."""
-        own = self._rewards, self._task_rewards, self._counts, self._height
-        rewards, task_rewards, counts, heights = zip(*self._process.gather(own), strict=True)
-        self._rewards = [each for some in rewards for each in some]
-        self._task_rewards = [each for some in task_rewards for each in some]
-        self._counts = sum(counts, Counter())
-        self._height = sum(heights)

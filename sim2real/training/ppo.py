@@ -8,7 +8,6 @@ import torch
 from rsl_rl.algorithms import PPO
 from rsl_rl.extensions import Symmetry
 from rsl_rl.models import MLPModel
-from rsl_rl.modules import GaussianDistribution
 from rsl_rl.storage import RolloutStorage
 from torch.optim.swa_utils import AveragedModel
 
@@ -34,18 +33,6 @@ class MirroredBatches(Symmetry):
         """
         del actor, batch, original_batch_size
         return torch.zeros(())
-
-
-class SeededGaussian(GaussianDistribution):
-    """rsl-rl's Gaussian, whose samples may come from a generator of its own."""
-
-    generator: torch.Generator | None = None
-    """``None`` for torch's."""
-
-    def sample(self) -> torch.Tensor:
-        """Sample actions."""
-        with torch.no_grad():
-            return torch.normal(self.mean, self.std, generator=self.generator)
 
 
 class AveragingPPO(PPO):

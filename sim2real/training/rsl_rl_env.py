@@ -11,8 +11,7 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import Floats
-from sim2real.environment.get_up_env import Endings, GetUpEnv
-from sim2real.training.config import STEPS
+from sim2real.environment.get_up_env import GetUpEnv
 
 
 class RslEnv(VecEnv):
@@ -23,16 +22,9 @@ class RslEnv(VecEnv):
         env: GetUpEnv,
         device: str = "cpu",
         on_step: Callable[[float, dict[str, Any]], None] = lambda *_: None,
-        gather: Callable[[Endings], list[Endings]] | None = None,
     ) -> None:
-        """Wrap an environment; ``on_step`` gets each step's mean reward and information.
-
-        ``gather`` returns how episodes ended in all processes, if there are several: curricula
-        follow those after each iteration, in every process alike.
-        """
+        """Wrap an environment; ``on_step`` gets each step's mean reward and information."""
         self.env, self.device, self._on_step = env, device, on_step
-        self._gather, self._steps = gather, 0
-        env.follows_at_once = gather is None
         self.num_envs = env.num_envs
         self.num_actions = len(env.head.names)
         self.max_episode_length = env.longest
@@ -51,7 +43,6 @@ class RslEnv(VecEnv):
 
     def begin(self, seed: int, rng: np.random.Generator) -> None:
         """Start all episodes at random ages, so that they do not end together."""
-        self._steps = 0
         observation, info = self.env.reset(seed=seed)
         self.env.episodes.age[:] = rng.integers(0, self.env.longest, self.num_envs)
         self.observations = self._pack(observation, info["critic"])
@@ -77,10 +68,6 @@ class RslEnv(VecEnv):
         self.observations = self._pack(observation, info["critic"])
         if self.reports:
             self._on_step(float(reward.mean()), info)
-        self._steps += 1
-        if self._gather is not None and self._steps % STEPS == 0:
-            for endings in self._gather(self.env.take_endings()):
-                self.env.follow(endings)
         done = torch.as_tensor(terminated | truncated, device=self.device)
         log = {f"Rewards/{name}": value for name, value in info["rewards"].items()}
         log["Train/lift"] = info["assistive_force"]

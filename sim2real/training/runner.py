@@ -14,7 +14,6 @@ from tensordict import TensorDict
 from humanoid_getup.policy.observation import SAME, Mirror
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint, restore_like, write_checkpoint
 from sim2real.training.config import STEPS, Recipe, TrainingRecord
-from sim2real.training.distributed import DistributedProcess
 from sim2real.training.imitation import imitate
 from sim2real.training.networks import extend_actions, extend_inputs
 from sim2real.training.policy_parent import read_actor
@@ -32,27 +31,11 @@ class TrainingRunner(OnPolicyRunner):
 
     env: RslEnv
 
-    def __init__(
-        self,
-        env: RslEnv,
-        config: dict[str, Any],
-        folder: Path,
-        device: str,
-        process: DistributedProcess,
-    ) -> None:
-        self._file, self._process = folder / CHECKPOINT, process
+    def __init__(self, env: RslEnv, config: dict[str, Any], folder: Path, device: str) -> None:
+        self._file = folder / CHECKPOINT
         super().__init__(env, config, str(folder), device)
         self._frozen = False  # whether the statistics of observations stay as they are
         self.logger.git_status_repos = []  # do not record the git state of the current folder
-
-    def _configure_multi_gpu(self) -> None:
-        """Take this process's place; they are connected already, over processors or GPUs."""
-        process = self._process
-        self.is_distributed = process.of > 1
-        self.gpu_world_size = process.of
-        self.gpu_local_rank, self.gpu_global_rank = process.local, process.number
-        ranks = {"global_rank": process.number, "local_rank": process.local}
-        self.cfg["multi_gpu"] = ranks | {"world_size": process.of} if self.is_distributed else None
 
     def save(self, path: str, infos: dict | None = None) -> None:
         """Replace the checkpoint."""
@@ -70,23 +53,14 @@ class TrainingRunner(OnPolicyRunner):
         write_checkpoint(state, self._file)
 
     def resume(self) -> None:
-        """Continue from the checkpoint as if the training had not been interrupted.
-
-        Of several processes, only the first has saved its robots; the others restart theirs, with
-        the curricula of all.
-        """
+        """Continue from the checkpoint as if the training had not been interrupted."""
         state = read_checkpoint(self._file, self.device)
         self.alg.load(state, None, True)
         if state["frozen"]:
             self.freeze_normalizers()
         self.current_learning_iteration = state["iter"] + 1
         env = self.env.env
-        saved = restore_like(env.save_state(), state["env"])
-        if not self._process.leads:
-            env.restore_curricula(saved)
-            torch.manual_seed(torch.initial_seed() + self.current_learning_iteration)
-            return
-        env.restore_state(saved)
+        env.restore_state(restore_like(env.save_state(), state["env"]))
         self.env.observations = TensorDict(state["observations"], [env.num_envs]).to(self.device)
         torch.set_rng_state(state["torch_rng"].cpu())
         if self._on_gpu:
@@ -155,11 +129,9 @@ class TrainingRunner(OnPolicyRunner):
         """Fit the critic to the returns of the present policy; return the error of each round.
 
         Not to distort the policy, the statistics of its observations are kept meanwhile; those of
-        the critic's are kept from then on. Several processes fit one critic to the steps of all.
+        the critic's are kept from then on.
         """
         actor: Any = self.alg._raw_actor
-        if self.is_distributed:
-            self.alg.broadcast_parameters()
         actor.obs_normalizer.until = 1
         self.env.reports = False
         errors = [self._fit_once() for _ in range(CRITIC_ROUNDS)]
@@ -186,8 +158,6 @@ class TrainingRunner(OnPolicyRunner):
             error = (value - batch.returns.clone()).square().mean()
             optimizer.zero_grad()
             error.backward()
-            if self.is_distributed:
-                alg.reduce_parameters()
             optimizer.step()
             errors.append(float(error.detach()))
         alg.storage.clear()
@@ -205,7 +175,7 @@ def build_config(recipe: Recipe, seed: int, mirrors: Mirrors | None = None) -> d
     symmetric by construction; without, they learn symmetry from mirrored mini-batches.
     """
     gaussian = {
-        "class_name": "sim2real.training.ppo:SeededGaussian",
+        "class_name": "GaussianDistribution",
         "init_std": recipe.first_std,
         "std_type": "log",
         "std_range": (0.1, recipe.most_std),  # at least 0.1, so that exploration continues

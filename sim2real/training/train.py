@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import random
 import shutil
 from collections.abc import Callable
@@ -41,10 +40,8 @@ from sim2real.environment.training_world import build_training_world
 from sim2real.pose_prior import PRIOR, RISES, PosePrior, RiseSet
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE, Recipe, TrainingRecord, check_recipe
-from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
 from sim2real.training.library_threads import numpy_threads, torch_threads
-from sim2real.training.overlapped_runner import OverlappedRunner
 from sim2real.training.policy_parent import check_decoder, check_policy_parent, is_policy_file
 from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.runner import TrainingRunner, build_config
@@ -52,20 +49,6 @@ from sim2real.training.runner import TrainingRunner, build_config
 POOL = "falls.npz"
 PROGRESS = "progress.csv"
 TERRAIN_SEED = 7_002  # makes the terrain of training differ from every scene's
-
-
-def check_processes(recipe: Recipe, process: DistributedProcess) -> None:
-    """Check that several processes can train a recipe."""
-    process.count_robots(recipe.robots)
-    if process.of > 1 and recipe.overlap:
-        raise ValueError(
-            f"--overlap is given to {process.of} processes, expected one: leave it out"
-        )
-    if process.of > 1 and recipe.style is not None:
-        raise ValueError(
-            f"a recipe with style curves is given to {process.of} processes, expected one: what it "
-            "imitates at first is learned by one"
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,45 +71,26 @@ class Training:
     def run(self, report: Callable[[TrainReport], None] = lambda _: None) -> None:
         """Train, or continue from the checkpoint in the folder, if any.
 
-        One seed gives one policy on one machine, interrupted or not. Under torchrun, each process
-        has its share of the robots, and its own GPU if they train on GPUs; curricula and figures
-        are those of all robots, and the first process writes.
+        One seed gives one policy on one machine, interrupted or not.
 
         The policy of a parent's folder, extended to this action space, is the initial one, or the
         policy of a parent's file, with this action space. A training with style curves needs a
         pose prior, of which it keeps a copy.
         """
-        process = DistributedProcess.from_environment(os.environ)
-        check_processes(self.recipe, process)
-        with process.connected(device := process.device(self.device)):
-            replace(self, device=device)._run(process, report)
-
-    def _run(self, process: DistributedProcess, report: Callable[[TrainReport], None]) -> None:
-        """Train as one of the processes, which are connected."""
-        recipe, folder, seed = self.recipe, self.folder, process.seed(self.seed)
+        recipe, folder, seed = self.recipe, self.folder, self.seed
         prior = self._check()
         folder.mkdir(parents=True, exist_ok=True)
-        process.lead(lambda: self.write_recipe(prior))
+        self.write_recipe(prior)
         if prior is not None:
             keep_prior(prior, folder)
-        iteration_log = IterationLog(folder / PROGRESS, recipe, report, process)
+        iteration_log = IterationLog(folder / PROGRESS, recipe, report)
         random.seed(seed)
         torch.manual_seed(seed)
-        if process.of > 1:  # the first one samples the falls of all
-            process.lead(self.load_pool)
-        own = replace(
-            self,
-            recipe=replace(recipe, robots=process.count_robots(recipe.robots)),
-            threads=process.threads(self.threads),
-        )
-        gather = process.gather if process.of > 1 else None
-        env = RslEnv(own.build_env(), self.device, iteration_log, gather)
-        log_file = folder / "rsl_rl.log" if process.leads else Path(os.devnull)
-        with log_file.open("a") as log, redirect_stdout(log), numpy_threads(1):
+        env = RslEnv(self.build_env(), self.device, iteration_log)
+        with (folder / "rsl_rl.log").open("a") as log, redirect_stdout(log), numpy_threads(1):
             env.begin(seed, np.random.default_rng(seed))
             config = build_config(recipe, seed, env.env.mirrors if recipe.style else None)
-            runner_type = OverlappedRunner if recipe.overlap else TrainingRunner
-            runner = runner_type(env, config, folder, self.device, process)
+            runner = TrainingRunner(env, config, folder, self.device)
             if (folder / CHECKPOINT).exists():
                 runner.resume()
             elif self.parent is not None and is_policy_file(self.parent):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections import deque
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -63,8 +62,6 @@ class TrainRequest(RobotOption):
     """Updates of the policy; default: the recipe's."""
     robots: Annotated[int | None, at_least(1)] = None
     """Number of robots that are simulated at once; default: the recipe's."""
-    overlap: bool = False
-    """Collect the next steps while the networks learn from the last ones, in one process."""
 
 
 @command("train")
@@ -82,11 +79,10 @@ def train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
 
 @train.show
 def _print(trained: TrainedPolicy, request: TrainRequest, console: Console) -> None:
-    if trained.leads:
-        console.print(f"{request.out}: {trained}")
-        if trained.recent and not trained.is_learning:
-            text = f"{trained.assess()}; the same command with more --iterations continues"
-            console.print(text, markup=False)
+    console.print(f"{request.out}: {trained}")
+    if trained.recent and not trained.is_learning:
+        text = f"{trained.assess()}; the same command with more --iterations continues"
+        console.print(text, markup=False)
 
 
 def _train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
@@ -101,7 +97,6 @@ def _train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
     monitor.begin("loading torch")
     with needing("train"):
         from sim2real.training.config import RECIPES
-        from sim2real.training.distributed import DistributedProcess
         from sim2real.training.train import Training
     _check_device(request.device)
     if request.physics == "warp":
@@ -113,12 +108,10 @@ def _train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
         recipe,
         iterations=request.iterations or recipe.iterations,
         robots=request.robots or recipe.robots,
-        overlap=request.overlap,
         physics=request.physics,
     )
     motions = len(list_motions(robot))
-    leads = DistributedProcess.from_environment(os.environ).leads
-    trained = TrainedPolicy(leads=leads, motions=motions, lift=recipe.lift)
+    trained = TrainedPolicy(motions=motions, lift=recipe.lift)
 
     def note(each: TrainReport) -> None:
         if said := trained.note(each):
@@ -162,12 +155,12 @@ class TrainedPolicy:
     stood.
     """
 
-    def __init__(self, *, leads: bool, motions: int, lift: float) -> None:
+    def __init__(self, *, motions: int, lift: float) -> None:
         """Begin without a report.
 
         Episodes start along the robot's stored motions, with at most ``lift`` of its weight held.
         """
-        self.leads, self._motions, self._lift = leads, motions, lift
+        self._motions, self._lift = motions, lift
         self.recent: deque[TrainReport] = deque(maxlen=RECENT)
         """Reports of the last iterations; none if the training had as many as requested."""
         self._is_assessed = False

@@ -4,12 +4,10 @@ import csv
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from sim2real.training.config import RECIPE, RECIPES, STEPS, TrainingRecord, check_recipe
-from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
 
 
@@ -54,7 +52,6 @@ def test_all_that_differs_is_named_but_the_number_of_iterations(tmp_path: Path):
 
 
 QUICK = RECIPES["quick"]
-ALONE = DistributedProcess.from_environment({})
 
 
 def read_rows(file: Path) -> list[dict[str, str]]:
@@ -72,7 +69,7 @@ def run_iteration(log: IterationLog, *, steps: int = STEPS, **counts: float) -> 
 
 def test_a_row_is_the_sum_of_an_iteration_and_is_reported(tmp_path: Path):
     reports: list[TrainReport] = []
-    log = IterationLog(tmp_path / "progress.csv", QUICK, reports.append, ALONE)
+    log = IterationLog(tmp_path / "progress.csv", QUICK, reports.append)
     run_iteration(log, falls=3, stood=1, alone=2, stood_alone=1, height_alone=1.5)
     run_iteration(log)
     first, second = read_rows(tmp_path / "progress.csv")
@@ -87,34 +84,11 @@ def test_a_row_is_the_sum_of_an_iteration_and_is_reported(tmp_path: Path):
 
 def test_a_resumed_training_drops_the_rows_after_its_checkpoint(tmp_path: Path):
     file = tmp_path / "progress.csv"
-    log = IterationLog(file, QUICK, lambda _: None, ALONE)
+    log = IterationLog(file, QUICK, lambda _: None)
     for _ in range(4):
         run_iteration(log)
-    again = IterationLog(file, QUICK, lambda _: None, ALONE)
+    again = IterationLog(file, QUICK, lambda _: None)
     again.resume(2)
     assert [row["iteration"] for row in read_rows(file)] == ["0", "1"]
     run_iteration(again)
     assert [row["iteration"] for row in read_rows(file)] == ["0", "1", "2"]
-
-
-class OneOfTwins(DistributedProcess):
-    """A process whose partner counts the same."""
-
-    def gather(self, value: Any) -> list[Any]:
-        return [value, value]
-
-
-def test_of_several_processes_the_first_alone_writes_and_counts_for_all(tmp_path: Path):
-    reports: list[TrainReport] = []
-    for rank in (1, 0):
-        process = OneOfTwins(number=rank, local=rank, of=2)
-        log = IterationLog(tmp_path / "progress.csv", QUICK, reports.append, process)
-        log.resume(0)
-        run_iteration(log)
-        assert (tmp_path / "progress.csv").exists() == (rank == 0)
-    own: list[TrainReport] = []
-    run_iteration(IterationLog(tmp_path / "own.csv", QUICK, own.append, ALONE))
-    assert [report.steps for report in reports] == [STEPS * QUICK.robots]
-    assert [report.falls for report in reports] == [2 * report.falls for report in own]
-    assert own[0].falls > 0
-    assert [report.reward for report in reports] == [report.reward for report in own]

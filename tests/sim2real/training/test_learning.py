@@ -23,7 +23,6 @@ from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.starts import StartPool
 from sim2real.training import runner as runner_module
 from sim2real.training.config import RECIPES
-from sim2real.training.distributed import DistributedProcess
 from sim2real.training.networks import SymmetricModel
 from sim2real.training.ppo import AVERAGE, UPDATES, AveragingPPO
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
@@ -79,7 +78,7 @@ def test_fitting_the_critic_leaves_the_policy_and_its_statistics_alone(
     monkeypatch.setattr(runner_module, "CRITIC_ROUNDS", 3)
     torch.manual_seed(0)
     config = build_config(replace(RECIPES["quick"], hidden=(8, 8)), 0)
-    runner = TrainingRunner(env, config, tmp_path, "cpu", DistributedProcess())
+    runner = TrainingRunner(env, config, tmp_path, "cpu")
     actor, critic = runner.alg.actor, runner.alg.critic
     runner.alg.actor.update_normalization(runner.env.get_observations())
     before = flatten(actor.state_dict()), flatten(critic.state_dict())

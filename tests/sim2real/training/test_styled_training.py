@@ -76,10 +76,8 @@ def read_actor(folder: Path) -> dict:
     return {key: value for key, value in state["actor_state_dict"].items() if "mlp" in key}
 
 
-def test_an_overlapped_training_imitates_first_and_keeps_its_statistics(learn):
-    folders = [
-        learn(f"after {count}", replace(QUICK, overlap=True, iterations=count)) for count in (1, 3)
-    ]
+def test_a_training_imitates_first_and_keeps_its_statistics(learn):
+    folders = [learn(f"after {count}", replace(QUICK, iterations=count)) for count in (1, 3)]
     first, last = (
         torch.load(folder / "checkpoint.pt", weights_only=True)["actor_state_dict"]
         for folder in folders

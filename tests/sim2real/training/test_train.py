@@ -16,7 +16,6 @@ pytest.importorskip("gymnasium")
 pytest.importorskip("tensorboard")
 
 import torch
-from distributed_training import TINY
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
@@ -30,7 +29,16 @@ from sim2real.training.ppo import AVERAGE
 from sim2real.training.runner import TrainingRunner, build_config
 from sim2real.training.train import PROGRESS, Training
 
-OVERLAPPED = replace(TINY, overlap=True)
+TINY = Recipe(
+    rewards="quick",
+    randomization="all",
+    wide=True,
+    iterations=4,
+    robots=8,
+    hidden=(16, 16),
+    falls=8,
+    lift=0.8,
+)
 
 
 class KilledError(Exception):
@@ -75,24 +83,10 @@ def unbroken(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def overlapped(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("overlapped")
-    Training(robot=op3, recipe=OVERLAPPED, seed=1, folder=folder, threads=1).run()
-    return folder
-
-
-each_way = pytest.mark.parametrize(
-    ("recipe", "whole"), [(TINY, "unbroken"), (OVERLAPPED, "overlapped")]
-)
-
-
-@each_way
-def test_one_seed_is_one_policy_on_any_number_of_threads(op3, recipe, whole, tmp_path, request):
-    Training(robot=op3, recipe=recipe, seed=1, folder=tmp_path, threads=2).run()
-    expected = request.getfixturevalue(whole)
-    assert_same_policy(expected, tmp_path)
-    assert what_was_learnt(expected) == what_was_learnt(tmp_path)
+def test_one_seed_is_one_policy_on_any_number_of_threads(op3, unbroken, tmp_path):
+    Training(robot=op3, recipe=TINY, seed=1, folder=tmp_path, threads=2).run()
+    assert_same_policy(unbroken, tmp_path)
+    assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
 
 
 def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
@@ -105,19 +99,14 @@ def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
         Training(robot=op3, recipe=TINY, seed=1, folder=folder, threads=1).run()
 
 
-@each_way
 @pytest.mark.parametrize("killed_at", [0, 3])
-def test_a_killed_training_continues_as_if_nothing_had_happened(
-    op3, recipe, whole, tmp_path, request, killed_at
-):
+def test_a_killed_training_continues_as_if_nothing_had_happened(op3, unbroken, tmp_path, killed_at):
+    training = Training(robot=op3, recipe=TINY, seed=1, folder=tmp_path, threads=1)
     with pytest.raises(KilledError):
-        Training(robot=op3, recipe=recipe, seed=1, folder=tmp_path, threads=1).run(
-            kill_at(killed_at)
-        )
-    Training(robot=op3, recipe=recipe, seed=1, folder=tmp_path, threads=1).run()
-    expected = request.getfixturevalue(whole)
-    assert_same_policy(expected, tmp_path)
-    assert what_was_learnt(expected) == what_was_learnt(tmp_path)
+        training.run(kill_at(killed_at))
+    training.run()
+    assert_same_policy(unbroken, tmp_path)
+    assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
 
 
 def test_a_training_that_is_done_can_be_given_more_iterations(op3, unbroken, tmp_path):

@@ -20,7 +20,7 @@ from run_getup import Run
 
 from humanoid_getup.commands.learn.train import ASSESSED, TrainedPolicy
 from humanoid_getup.progress.callback import Progress
-from sim2real.training.config import RECIPE, RECIPES, check_recipe
+from sim2real.training.config import RECIPE, RECIPES
 from sim2real.training.iteration_log import TrainReport
 
 pytestmark = pytest.mark.train
@@ -108,17 +108,8 @@ def test_a_training_on_mujoco_warp_continues_and_is_no_other_one(run: Run):
     assert "recipe.physics (warp, now mujoco)" in error
 
 
-def test_a_folder_from_before_the_option_is_a_training_on_mujoco(tmp_path: Path):
-    file = tmp_path / RECIPE
-    file.write_text('{"recipe": {"robots": 4}}')
-    recipe = {"robots": 4, "physics": "mujoco", "overlap": False}
-    check_recipe(file, {"recipe": recipe})
-    with pytest.raises(match=r"recipe.physics \(mujoco, now warp\)"):
-        check_recipe(file, {"recipe": recipe | {"physics": "warp"}})
-
-
 def begin(motions: int = 3) -> TrainedPolicy:
-    return TrainedPolicy(leads=True, motions=motions, lift=HELPED.lift)
+    return TrainedPolicy(motions=motions, lift=HELPED.lift)
 
 
 def report(policy: TrainedPolicy, **fields: float) -> str:

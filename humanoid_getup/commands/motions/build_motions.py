@@ -19,7 +19,7 @@ from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError,
 from humanoid_getup.commands.files import ROBOT, find_folder_problems
 from humanoid_getup.commands.inputs import find_keyframes, load_robot
 from humanoid_getup.commands.options import Count, EngineOptions, Prefer, RobotOption, write_command
-from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
+from humanoid_getup.commands.pieces import make_worker_request, starting
 from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.engines.versions import checked
 from humanoid_getup.experiments.falls import CLASSES
@@ -42,7 +42,7 @@ from humanoid_getup.motions.keyframes_writer import (
 )
 from humanoid_getup.motions.motion import STANDING
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.progress.worker import report
 from humanoid_getup.reporting.film_strip import NoRendererError, draw_motion
@@ -81,15 +81,6 @@ class BuiltMotions:
     built: tuple[str, ...]
     failures: tuple[str, ...]
     """Reasons why others failed, each with the place of the best try."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BuildPiece:
-    """The build of one motion, whose log is written into the robot's folder."""
-
-    keyframes: Keyframes
-    folder: SharedFolder
-    """The build ends when it is released."""
 
 
 def is_begun(request: BuildRequest) -> bool:
@@ -147,9 +138,8 @@ def build_all(
         with (
             refusing(),  # errors of workers have no traceback
             starting(request, len(chosen), worth=1) as executor,
-            sharing(robot, request) as folder,
         ):
-            pieces = {each.name: BuildPiece(keyframes=each, folder=folder) for each in chosen}
+            pieces = {each.name: each for each in chosen}
             for name in pieces:
                 monitor.show(Progress(phase=name, total=request.generations))
             # Builds write into the folder of their robot: it is no version.
@@ -210,14 +200,11 @@ def _check_logs(
             monitor.tell(f"{each.name} {begins}")
 
 
-def build_piece(request: BuildRequest, piece: BuildPiece) -> Build | str:
-    """Build a motion, in a worker; return the reason if that fails."""
-    piece.folder.check()
-    robot, keyframes = load_robot(request), piece.keyframes
+def build_piece(request: BuildRequest, keyframes: Keyframes) -> Build | str:
+    """Build a motion, in a worker, with its log in the robot's folder; return why that fails."""
+    robot = load_robot(request)
 
     def tell(generation: int, cost: float, stood: float) -> None:
-        if piece.folder.is_released():
-            raise CancelledError("cancelled")
         report(
             Progress(
                 phase=keyframes.name,

@@ -6,19 +6,9 @@ from pathlib import Path
 import pytest
 from run_getup import Run
 
-from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.commands.inputs import find_keyframes
-from humanoid_getup.commands.motions.build_motions import (
-    BuildPiece,
-    BuildRequest,
-    build_motions,
-    build_piece,
-)
-from humanoid_getup.commands.pieces import SharedFolder, sharing
+from humanoid_getup.commands.motions.build_motions import BuildRequest, build_motions
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.progress.callback import CancelledError, Progress
-from humanoid_getup.progress.worker import passing_reports
 from robots import load_robot
 
 NAMES = ("squat_to_stand", "sit_and_lie_down")
@@ -40,34 +30,6 @@ def test_motions_are_built_by_several_workers_as_by_one_process(copied_op3: Path
     pytest.importorskip("distributed")
     here, *elsewhere = [build(copied_op3, engine) for engine in ("local:1", "local:2", "dask:2")]
     assert elsewhere == [here] * 2
-
-
-def test_a_worker_that_does_not_share_the_folder_builds_nothing(copied_op3: Path, tmp_path: Path):
-    (keyframes,) = find_keyframes(load_robot(copied_op3), NAMES[:1])
-    folder = SharedFolder(folder=copied_op3, mark=tmp_path / "elsewhere")
-    piece = BuildPiece(keyframes=keyframes, folder=folder)
-    with pytest.raises(BadInputError, match="expected one that all machines share"):
-        build_piece(BuildRequest(robot=str(copied_op3)), piece)
-    assert not (copied_op3 / "unfinished").exists()
-
-
-@pytest.mark.slow
-def test_a_build_on_another_machine_ends_after_the_generation_in_which_it_is_released(
-    copied_op3: Path,
-):
-    robot, generations = load_robot(copied_op3), list[float]()
-    request = BuildRequest(robot=str(copied_op3), engine="dask:2", generations=3)
-    (keyframes,) = find_keyframes(robot, NAMES[:1])
-
-    def release(progress: Progress) -> None:
-        generations.append(progress.done)
-        assert folder.mark is not None
-        folder.mark.unlink()
-
-    cancelled = pytest.raises(CancelledError)
-    with sharing(robot, request) as folder, passing_reports(release), cancelled:
-        build_piece(request, BuildPiece(keyframes=keyframes, folder=folder))
-    assert generations == [1.0]
 
 
 @pytest.mark.slow

@@ -186,7 +186,6 @@ plan | --from is missing | supine, prone, left, right
 plan --from upside | unknown start 'upside'
 plan --from supine --scene moon | unknown scene 'moon'
 plan --from supine --max-checks 0 | --max-checks is 0, expected 1 to 1000000000
-plan --from supine --keep-partial | --keep-partial: expected --out DIR
 plan --from supine --to none.json | posture 'none.json': no such file
 plan --from supine --to motions:moonwalk@1 | unknown motion 'moonwalk' | squat_to_stand
 plan --from supine --key none.json | posture 'none.json': no such file
@@ -225,8 +224,6 @@ eval robust --push 11 | --push is 11 m/s, expected 0 to 10 m/s
 eval robust --imu-tilt 91 | --imu-tilt is 91 deg, expected 0 to 90 deg
 eval robust --gyro-bias inf | --gyro-bias is inf deg/s
 eval robust --variant jelly | --variant is 'jelly', expected 1 ms steps
-eval robust --n 4 --variant 'menagerie servos' --torque-limit 2
-    | --variant is 'menagerie servos', expected without torque limit
 eval robust --n 4 --falls empty.npz | empty.npz
 eval robust --n 4 --falls text.npz | text.npz
 eval robust --n 4 --falls half.npz | half.npz
@@ -628,13 +625,6 @@ motions export squat_to_stand --trajectory folder.yaml | folder.yaml: is a folde
 motions export squat_to_stand --trajectory t.csv | ends with .yaml, .yml or .json
 motions export squat_to_stand | expected either --trajectory or --csv
 motions export squat_to_stand --trajectory t.json --approach -1 | --approach is -1 s
-robots export op3 --ros2-control taken | is taken, which is not empty, expected
-robots export op3 --ros2-control text.txt | text.txt is not a folder, expected
-robots export human --ros2-control new | 'human' has no servo bus: add a [bus]
-robots export nao --ros2-control new | unknown robot 'nao' | op3
-robots export op3 --ros2-control new --limit-by ideal | which no servo can
-robots export op3 --ros2-control new --torque-limit 9 | expected at most 4.1 N·m
-robots export op3 | --ros2-control DIR is missing
 log export nao.mcap --rosbag2 taken | --rosbag2 is taken, which is not empty
 log export nao.mcap --rosbag2 text.txt | text.txt is not a folder, expected a
 eval robust --n 4 --falls text.txt/below | text.txt is not a folder

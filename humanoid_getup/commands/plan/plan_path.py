@@ -59,8 +59,6 @@ class PlanRequest(BodyOption, SceneOptions):
     """Postures that may be checked for collisions, for each path between two postures."""
     refinement: bool = True
     """If there is no path, loosen the constraints and tighten them step by step."""
-    keep_partial: bool = False
-    """If no path is found, save the collision-free beginning of the best one."""
     out: Annotated[Path | None, Written(FILES), arg(metavar="DIR")] = None
     """Folder for path.npz and strip.png."""
 
@@ -68,8 +66,6 @@ class PlanRequest(BodyOption, SceneOptions):
         yield from super()._find_problems()
         if not self.origin:
             yield NO_ORIGIN
-        if self.keep_partial and self.out is None:
-            yield "--keep-partial: expected --out DIR with it, to save the path in"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,11 +97,6 @@ class PathAnswer(PathResult):
     def found(self) -> bool:
         """Return whether there is a path."""
         return self.trajectory is not None
-
-    @property
-    def path(self) -> Trajectory | None:
-        """Return the path, or the free beginning of the best one; ``None`` if there is none."""
-        return self.trajectory or self.beginning
 
 
 def choose_goals(database: MotionDatabase, last: Posture) -> list[Goal]:
@@ -199,7 +190,6 @@ def to_motion(world: World, path: Trajectory, answer: PathAnswer, seed: int) -> 
         "goal": answer.goal.name,
         "scene": world.scene.name,
         "seed": seed,
-        "complete": int(answer.found),
     }
     if joined is not None:
         made |= {"frame": joined.frame, "frame_time_s": float(joined.motion.time[joined.frame])}
@@ -241,19 +231,16 @@ class PlannedPath:
 
     @property
     def key_times(self) -> tuple[float | None, ...]:
-        """Return the time at which the path leaves each key [s]; None if it does not reach it."""
-        path, arrivals = self.answer.path, self.answer.arrivals
+        """Return the time at which the path leaves each key [s]; None without a path."""
+        path, arrivals = self.answer.trajectory, self.answer.arrivals
         if path is None:
-            return tuple(None for _ in self.keys)
-        return tuple(
-            float(path.time[arrivals[number]]) if number < len(arrivals) else None
-            for number in range(len(self.keys))
-        )
+            return (None,) * len(self.keys)
+        return tuple(float(path.time[row]) for row in arrivals[: len(self.keys)])
 
     def describe(self) -> dict[str, Any]:
         """Describe the search for JSON."""
         request, answer, world = self.request, self.answer, self.world
-        path, joined = answer.path, answer.goal.connection
+        path, joined = answer.trajectory, answer.goal.connection
         return {
             "robot": world.robot.name,
             "scene": request.scene,
@@ -319,10 +306,9 @@ def plan(request: PlanRequest, monitor: ProgressMonitor) -> PlannedPath:
 def _write(found: PlannedPath, folder: Path) -> str | None:
     """Write the path and its film strip; return why there is no strip."""
     answer, request, world = found.answer, found.request, found.world
-    path = answer.path if answer.found or request.keep_partial else None
-    if path is None:
+    if answer.trajectory is None:
         return "there is no path"
-    motion = to_motion(world, path, answer, request.seed)
+    motion = to_motion(world, answer.trajectory, answer, request.seed)
     motion.save(folder / PATH)
     title = f"{world.robot.name}, {world.scene.name}: path to {answer.goal.name}, no physics"
     try:
@@ -341,8 +327,7 @@ def _print(found: PlannedPath, request: PlanRequest, console: Console) -> int:
         where = f"no path to {record['goal']} after {effort}: {record['reason']}"
         if record["status"] == SearchStatus.BUDGET_SPENT.value:
             where += f"; next: a higher --max-checks than {request.max_checks}"
-        saved = f"; its free beginning: {files}" if files else ""
-        console.print(f"[bold red]{escape(where + saved)}", soft_wrap=True)
+        console.print(f"[bold red]{escape(where)}", soft_wrap=True)
         return NO_PATH
     took = f"{record['duration_s']:.2f} s, length {record['length']:.1f}"
     headline = f"path to {record['goal']}: {took}"

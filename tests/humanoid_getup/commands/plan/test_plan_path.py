@@ -1,7 +1,6 @@
 """`getup plan`: files, figures and exit codes of paths."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +8,8 @@ import pytest
 from run_getup import Run
 
 from humanoid_getup.commands.plan.plan_path import PlanRequest, plan
-from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_key
-from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.description.posture_file import format_posture
 
@@ -38,7 +35,7 @@ def test_a_path_is_found_saved_and_described(run: Run, lying: str, op3: Robot, t
 
 def test_a_path_leads_through_keys_to_a_posture(lying: str, op3: Robot):
     found = plan(PlanRequest(origin=lying, key=(KEY,), to="motions:squat_to_stand@0"))
-    path, goal = found.answer.path, found.answer.goal
+    path, goal = found.answer.trajectory, found.answer.goal
     assert path is not None
     assert (goal.name, goal.connection) == ("motions:squat_to_stand@0", None)
     (passed,) = found.describe()["keys"]
@@ -57,24 +54,9 @@ def test_a_spent_budget_is_one_line_that_says_what_where_and_when(
     assert list(Path("out").iterdir()) == []
 
 
-@pytest.mark.slow  # to fall beside a wall
-@pytest.mark.usefixtures("no_film")
-def test_the_beginning_of_the_best_path_is_kept_on_request(op3: Robot, tmp_path: Path):
-    file, out = tmp_path / "right.json", tmp_path / "out"
-    fall = sample_fall(World(op3, "wall"), "right", seed=2)
-    file.write_text(format_posture(fall.posture, op3))
-    request = PlanRequest(origin=str(file), scene="wall", seed=6, max_checks=100, out=out)
-    found = plan(replace(request, keep_partial=True))
-    assert found.files == (out / "path.npz",)
-    path, record = Motion.load(found.files[0]), found.describe()
-    assert (record["found"], record["refined"], len(record["tried"])) == (False, True, 6)
-    assert path.provenance["complete"] == 0
-    assert 0.0 < record["duration_s"] == pytest.approx(path.duration)
-
-
 def test_from_under_a_table_the_path_leads_out_first():
     found = plan(PlanRequest(origin="right", scene="table", seed=10))
-    path, way_out = found.answer.path, found.answer.way_out
+    path, way_out = found.answer.trajectory, found.answer.way_out
     assert found.found and path is not None and way_out is not None
     moved = np.linalg.norm(path.position - path.position[0], axis=1)
     bends = int(np.flatnonzero(np.any(path.joint_pos != path.joint_pos[0], axis=1))[0])

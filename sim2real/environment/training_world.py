@@ -10,16 +10,12 @@ import numpy as np
 
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World, add_contact_sensor, add_stance_sensors
-from robots import Robot, quaternion
+from robots import Robot
 from robots.body.parts import list_head_joints
 from robots.kinematics import imu_in_torso
 
-MENAGERIE = {"kp": 21.1, "damping": 1.084, "armature": 0.045, "frictionloss": 0.03, "torque": 5.0}
-"""Servo figures of mujoco_menagerie's robotis_op3: N·m/rad, N·m·s/rad, kg·m², N·m, N·m."""
 BACKLASH_ARMATURE = 1e-4  # kg·m² on the link's side, so that the hinge has an inertia
 BACKLASH_DAMPING = 1e-3  # N·m·s/rad
-
-MENAGERIE_SERVOS = "menagerie servos"
 
 ModelVariant = Callable[[mujoco.MjSpec, Robot], None]
 """Changes a model before it is compiled."""
@@ -48,35 +44,6 @@ def soft_contacts(spec: mujoco.MjSpec, _robot: Robot) -> None:
     """Make contacts five times as soft as in the robots' models."""
     for geom in spec.geoms:
         geom.solref = [0.02, 1.0]
-
-
-def capsules(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Replace boxes by capsules of the same length and mean thickness, except for the soles."""
-    soles = {spec.site(site).parent.name for site in robot.sole_sites}
-    for geom in spec.geoms:
-        if geom.type != mujoco.mjtGeom.mjGEOM_BOX or geom.parent.name in soles:
-            continue
-        half = np.array(geom.size)
-        along = int(np.argmax(half))
-        radius = float(np.mean(np.delete(half, along)))
-        turn = np.zeros(4)
-        mujoco.mju_quatZ2Vec(turn, np.eye(3)[along])
-        geom.quat = quaternion.multiply(np.array(geom.quat), turn)
-        geom.type = mujoco.mjtGeom.mjGEOM_CAPSULE
-        geom.size = [radius, max(float(half[along]) - radius, 0.001), 0.0]
-
-
-def menagerie_servos(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Give every joint the position servo of mujoco_menagerie's OP3."""
-    figures = MENAGERIE
-    for joint in robot.joints:
-        element = spec.joint(joint.name)
-        element.armature, element.frictionloss = figures["armature"], figures["frictionloss"]
-        element.damping[0] = figures["damping"]
-        servo = spec.actuator(joint.name)
-        servo.set_to_position(kp=figures["kp"])
-        servo.forcelimited = True
-        servo.forcerange[:] = [-figures["torque"], figures["torque"]]
 
 
 def backlash(angle: float) -> ModelVariant:
@@ -108,8 +75,6 @@ MODEL_VARIANTS: dict[str, ModelVariant] = {
     "elliptic cones": elliptic_cones,
     "other solver": other_solver,
     "soft contacts": soft_contacts,
-    "capsules": capsules,
-    MENAGERIE_SERVOS: menagerie_servos,
 }
 
 

@@ -98,17 +98,7 @@ class EvaluateRequest(EngineOptions, TorqueOptions, SceneOptions):
     """Bias of the gyro about a random axis [deg/s]."""
     noise: bool = False
     """Add the sensor noise of training."""
-    variant: (
-        Literal[
-            "1 ms steps",
-            "elliptic cones",
-            "other solver",
-            "soft contacts",
-            "capsules",
-            "menagerie servos",
-        ]
-        | None
-    ) = None
+    variant: Literal["1 ms steps", "elliptic cones", "other solver", "soft contacts"] | None = None
     """Model variant to evaluate in; default: the physics of training."""
 
     def _find_problems(self) -> Iterator[str]:
@@ -256,17 +246,11 @@ def _load_policy(request: EvaluateRequest, limit: TorqueLimit) -> EvaluatedPolic
 
 
 def _check_policy(request: EvaluateRequest, policy: OnnxPolicy) -> None:
-    """Refuse a part of the gains, limits of servos without a motor model, a missing height map."""
+    """Refuse a part of the gains, and a missing height map."""
     if policy.action.gain_share:
         raise BadInputError(
             f"policy '{request.policy}' has a part of the servos' position gain, expected all of "
             "it: `getup run` plays it"
-        )
-    has_limits = request.torque_limit or request.voltage or request.weak_servo < 1.0
-    if request.variant == "menagerie servos" and (has_limits or policy.action.pwm_limit < 1.0):
-        raise BadInputError(
-            f"--variant is '{request.variant}', expected without torque limit, voltage, weak "
-            "servo and a policy's own limit of the supply: its servos are not motors"
         )
     style = policy.contract.style
     if request.height_map and not (style and style.height_map):

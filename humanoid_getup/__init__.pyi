@@ -55,8 +55,6 @@ from humanoid_getup.commands.plan.preflight import PreflightRequest as Preflight
 from humanoid_getup.commands.plan.preflight import preflight as preflight
 from humanoid_getup.commands.robot.check_robot import CheckRequest as CheckRequest
 from humanoid_getup.commands.robot.check_robot import check_robot as check_robot
-from humanoid_getup.commands.robot.export_robot import ExportRobotRequest as ExportRobotRequest
-from humanoid_getup.commands.robot.export_robot import export_robot as export_robot
 from humanoid_getup.commands.robot.identify_robot import FitRobotRequest as FitRobotRequest
 from humanoid_getup.commands.robot.identify_robot import identify_robot as identify_robot
 from humanoid_getup.commands.robot.identify_servo import FitServoRequest as FitServoRequest

@@ -72,14 +72,11 @@ COMMANDS = {
         "Compare an imported policy with a trace from where it was trained.", "learn.foreign_policy"
     ),
     "prior": Entry("Make the pose prior of styled policies.", "learn.make_prior"),
-    "robots": Entry("List the robots, import one from a model file, check one, export one."),
+    "robots": Entry("List the robots, import one from a model file, check one."),
     "robots list": Entry("List the installed robots.", "robot.list_robots"),
     "robots import": Entry("Make a robot folder from an MJCF or URDF file.", "robot.import_robot"),
     "robots check": Entry(
         "Check a robot's description, and what its body can do.", "robot.check_robot"
-    ),
-    "robots export": Entry(
-        "Write a robot's servos and controllers for ros2_control.", "robot.export_robot"
     ),
     "first-steps": Entry("Lead from a port to the first rise, step by step.", "robot.first_steps"),
     "servo": Entry("Set up, read and move single servos on a port."),

@@ -44,7 +44,7 @@ def test_every_public_name_is_there_and_is_listed():
         SessionOptions Style StyleCurves StyledRise load_style import_robot check_robot
         build_motions retarget discover import_keys import_clip extract_style plan preflight preview
         make_prior train export evaluate benchmark measure_robot rise play_motion run_policy sit
-        hold watch replay_flight export_log export_motion export_robot CancelledError Progress
+        hold watch replay_flight export_log export_motion CancelledError Progress
         ProgressMonitor import_policy check_policy identify_servo
         identify_robot"""
     requests = {name for name in hg.__all__ if name.endswith("Request") or name.startswith("Bench")}

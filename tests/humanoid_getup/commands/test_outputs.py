@@ -128,7 +128,6 @@ def test_a_full_device_is_refused_before_the_work(run: Run, monkeypatch):
     monkeypatch.setattr(ProgressMonitor, "show", lambda _, each: pytest.fail(f"{each} begins"))
     for words in (
         f"robots import {REPOSITORY}/robots/op3/model.xml --out out",
-        "robots export op3 --ros2-control out",
         "play squat_to_stand --out out",
         f"log export {REPOSITORY}/README.md --rosbag2 out",
         "bench all --out out",

@@ -12,7 +12,6 @@ import numpy as np
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.clock import VirtualClock
 from drivers.dynamixel.configuration import list_eeprom_settings
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import (
@@ -123,7 +122,6 @@ class HealthCheck:
 def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     """Check a robot's health; its joints keep their torque, and nothing is configured."""
     robot, torque = bus.robot, bus.find_torque()
-    clocks = [VirtualClock(port.bus, port.joints) for port in bus.ports]
     diagnostics = bus.diagnose()
     place = {joint.name: i for i, joint in enumerate(robot.joints)}
     servos = tuple(sorted(diagnostics.servos, key=lambda servo: place[servo.joint.name]))
@@ -138,10 +136,6 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     findings += [f for port in ports for f in check_port(port, robot.control_period)]
     findings += _check_imu(bus.imu, imu, rate, robot.control_period) if bus.imu else []
     findings += [*_check_settings(servos, robot.limit_by)]
-    for port, clock in zip(bus.ports, clocks, strict=True):
-        if lag := clock.describe_lag():
-            device, remedy = f"port {port.bus.port.path}", "stop other programs"
-            findings.append(Finding(Severity.WARNING, device, lag, remedy))
     is_calibrated = (robot.folder / CALIBRATION_FILE).exists()
     if not is_calibrated:
         text = "no calibration: zeros and signs are those of the description"

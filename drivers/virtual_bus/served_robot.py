@@ -216,7 +216,6 @@ class RealTimeRobot(HandledRobot):
             servos=[servo.measured for servo in self._servos],
             **vars(self._board),
             imu=self._reading,
-            late=self.behind,
         )
         self._measurements.publish(found.write())
 

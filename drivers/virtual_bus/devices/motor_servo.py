@@ -64,8 +64,6 @@ class MotorServo(VirtualDevice, ABC):
         self._heat = 0.0  # of the winding, as a share of that at stall
         self._at_tick = table["realtime_tick"].address if "realtime_tick" in table else None
         self._boot_start, self._is_shut_down = 0.0, False
-        self.late = 0.0
-        """Time by which its physics, and so its own clock, is behind that of the bus [s]."""
         self._motor_command: MotorCommand | None = None
         self._connect()
         self._restart()
@@ -82,7 +80,7 @@ class MotorServo(VirtualDevice, ABC):
         if not self._powered or now < self._booted_at:
             return
         if self._at_tick is not None:
-            tick = int((now - self._boot_start - self.late) * 1000.0)
+            tick = int((now - self._boot_start) * 1000.0)
             memory, at = self.registers.memory, self._at_tick
             memory[at], memory[at + 1] = tick & 0xFF, tick >> 8 & 0x7F  # wraps after 32767
         current = self._run(duration)

@@ -21,7 +21,7 @@ SLOTS = 8
 """Rows that are kept, so that a reader has the time of seven to copy one."""
 WORD = 8  # bytes of a number
 COMMAND_FIELDS, MEASURED_FIELDS = len(fields(MotorCommand)), len(Measured._fields)
-BOARD_FIELDS, REST_FIELDS = 7, 12  # the rest: IMU, and by how much physics is late
+BOARD_FIELDS, IMU_FIELDS = 7, 11
 
 
 class SharedRows:
@@ -68,7 +68,7 @@ def count_commands(servos: int) -> int:
 
 def count_measurements(servos: int) -> int:
     """Return the width of a row of measurements."""
-    return servos * MEASURED_FIELDS + BOARD_FIELDS + REST_FIELDS
+    return servos * MEASURED_FIELDS + BOARD_FIELDS + IMU_FIELDS
 
 
 def write_commands(commands: Sequence[MotorCommand], profiles: Sequence[bool]) -> Array:
@@ -102,24 +102,21 @@ class Measurements:
     """Likewise [m/s²], (3,)."""
     imu: ImuReading | None
     """None if the robot has no IMU on a line of its own."""
-    late: float = 0.0
-    """Time by which physics has fallen behind the clock since the start [s]."""
 
     def write(self) -> Array:
         """Write them as a row."""
-        imu = np.full(REST_FIELDS - 1, np.nan)
+        imu = np.full(IMU_FIELDS, np.nan)
         if self.imu is not None:
             reading = self.imu
             imu = np.r_[reading.time, reading.gyro, reading.accelerometer, reading.orientation]
         servos = np.array(self.servos, dtype=float).ravel()
-        return np.r_[servos, self.voltage, self.gyro, self.accelerometer, imu, self.late]
+        return np.r_[servos, self.voltage, self.gyro, self.accelerometer, imu]
 
     @classmethod
     def read(cls, row: Array) -> Measurements:
         """Read them from a row."""
-        servos, board, rest = np.split(row, (-BOARD_FIELDS - REST_FIELDS, -REST_FIELDS))
+        servos, board, imu = np.split(row, (-BOARD_FIELDS - IMU_FIELDS, -IMU_FIELDS))
         measured = [Measured(*each) for each in servos.reshape(-1, MEASURED_FIELDS).tolist()]
-        imu, late = rest[:-1], float(rest[-1])
         reading = None if np.isnan(imu[0]) else ImuReading(imu[0], imu[1:4], imu[4:7], imu[7:])
         body = {"voltage": float(board[0]), "gyro": board[1:4], "accelerometer": board[4:]}
-        return cls(servos=measured, imu=reading, late=late, **body)
+        return cls(servos=measured, imu=reading, **body)

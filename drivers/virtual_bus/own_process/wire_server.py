@@ -125,7 +125,6 @@ class MirroredRobot(VirtualDevices, Physics):
         found = Measurements.read(row[1])
         for servo, measured in zip(self.servos, found.servos, strict=True):
             servo.sense(measured)
-            servo.late = found.late
         if self.board is not None:
             self.board.sense_voltage(found.voltage)
             self.board.sense_body(found.gyro, found.accelerometer)

@@ -74,10 +74,10 @@ def test_measurements_survive_a_row(has_imu: bool):
     gyro, force = rng.normal(size=3), rng.normal(size=3)
     imu = ImuReading(0.25, *(rng.normal(size=n) for n in (3, 3, 4))) if has_imu else None
     body = {"voltage": 11.5, "gyro": gyro, "accelerometer": force}
-    row = Measurements(servos=servos, **body, imu=imu, late=0.75).write()
+    row = Measurements(servos=servos, **body, imu=imu).write()
     assert row.shape == (shared_rows.count_measurements(3),)
     found = Measurements.read(row)
-    assert (found.servos, found.late, found.voltage) == (servos, 0.75, 11.5)
+    assert (found.servos, found.voltage) == (servos, 11.5)
     assert np.array_equal(found.gyro, gyro) and np.array_equal(found.accelerometer, force)
     assert (found.imu is not None) == has_imu
     if imu is not None and found.imu is not None:

@@ -1,20 +1,14 @@
 """`getup bus`: what it prints, and that a client finds the robot behind the port."""
 
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 import serial
 from paths import TINY
-from waiting import wait_until
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.clock import VirtualClock
-from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.commands.main import main
@@ -56,10 +50,7 @@ def test_the_path_of_an_imu_is_printed_after_the_port(
     assert list(tmp_path.glob("port*")) == []
 
 
-def test_a_powered_bus_answers_any_client_tells_that_it_is_late_and_leaves_no_link(
-    tmp_path: Path, tiny: Robot
-):
-    """Stopped for half a second, physics falls behind; the wire is served by another process."""
+def test_a_powered_bus_answers_any_client_and_leaves_no_link(tmp_path: Path, tiny: Robot):
     link = tmp_path / "port"
     command = [*COMMAND, "--hold", "zero", "--powered", "--link", str(link)]
     assert tiny.bus is not None
@@ -70,14 +61,6 @@ def test_a_powered_bus_answers_any_client_tells_that_it_is_late_and_leaves_no_li
             with serial.Serial(str(link), tiny.bus.baud, timeout=10.0) as foreign:
                 foreign.write(protocol2.ping(servo_id).encode())
                 assert foreign.read(14)[4] == servo_id
-            port = SerialPort(str(link), tiny.bus.baud)
-            port.open()
-            clock = VirtualClock(DynamixelBus(port, answer_margin=0.5), tiny.joints)
-            served.send_signal(signal.SIGSTOP)
-            time.sleep(0.5)
-            served.send_signal(signal.SIGCONT)
-            wait_until(lambda: "s behind: this computer has" in clock.describe_lag())
-            port.close()
         finally:
             served.terminate()
     assert not link.is_symlink()

@@ -1,4 +1,4 @@
-"""Plots of a rise, of styles, of a flight log, and of a replay."""
+"""Plots of a rise, of styles, and of a flight log."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from drivers.state import Integers
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.torque import limit_torque
 from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
-from humanoid_getup.reporting.replay import ReplayReport
 from humanoid_getup.style.curves import PLACES
 from humanoid_getup.style.style import Style
 from robots import Robot
@@ -27,7 +26,6 @@ NAMED = 6  # joints that get a color and a name
 STANDING_SHOWN = 1.5  # s of the stand that are drawn
 PANEL = 2.1  # inches of height
 ALARMING = ("fault", "exception")  # kinds of events
-MANY = 8  # events whose texts are still readable beside each other
 MILLISECONDS = 1e3
 
 
@@ -74,51 +72,33 @@ def save_torque(
     save_figure(figure, path)
 
 
-def save_flight(record: FlightRecord, path: Path, *, title: str = "") -> None:
-    """Plot a flight log over time, as PNG: targets, angles, load, heat, ages and timing.
+def draw_flight(record: FlightRecord) -> Figure:
+    """Plot a flight log over time: tracking errors, load, heat, ages and timing.
 
-    The joints with the largest tracking errors are named. The log has at least one cycle.
+    The joints with the largest values are named. The log has at least one cycle.
     """
     time = record.time - record.time[0]
     limp = record.sent["torque_limit"] == 0.0
     error = np.where(limp, np.nan, record.sent["joint_pos"] - record.state["joint_pos"])
-    named = _find_largest(error)
-    figure, axes = _stack_panels(5, title)
-    _plot_tracking(axes[0], record, time, named)
-    _plot_joints(axes[1], time, np.degrees(error), named, record.joint_names)
-    axes[1].set_ylabel("target - angle [°]")
+    figure = make_figure(10.4, 4 * PANEL)
+    axes: list[Axes] = list(figure.subplots(4, 1, sharex=True))
+    _plot_joints(axes[0], time, np.degrees(error), _find_largest(error), record.joint_names)
+    axes[0].set_ylabel("target - angle [°]")
     current = record.state["joint_current"]
-    _plot_joints(axes[2], time, current, _find_largest(current), record.joint_names)
-    axes[2].set_ylabel("motor current [A]")
-    _plot_heat(axes[3], record, time)
-    _plot_timing(axes[4], record, time)
+    _plot_joints(axes[1], time, current, _find_largest(current), record.joint_names)
+    axes[1].set_ylabel("motor current [A]")
+    axes[2].plot(time, record.state["temperature"].max(axis=1), color="tab:red", linewidth=1.1)
+    axes[2].set_ylabel("hottest servo [°C]")
+    _plot_timing(axes[3], record, time)
     for axis in axes:
-        _mark_events(axis, record, named=axis is axes[0])
-    _finish(figure, axes, time, path)
-
-
-def save_difference(report: ReplayReport, path: Path, *, title: str = "") -> None:
-    """Plot the differences of a replay from its log of at least one cycle, as PNG."""
-    figure, axes = _stack_panels(2, title)
-    named = _find_largest(report.difference)
-    _plot_joints(axes[0], report.time, np.degrees(report.difference), named, report.joint_names)
-    threshold = float(np.degrees(report.threshold))
-    for limit in (-threshold, threshold):
-        axes[0].axhline(limit, color="black", linestyle="--", linewidth=0.9)
-    axes[0].set_ylabel("measured - replayed [°]")
-    axes[1].plot(report.time, np.degrees(report.tilt_difference), color="black", linewidth=1.1)
-    axes[1].set_ylabel("tilt difference [°]")
-    if report.divergence:
-        for axis in axes:
-            axis.axvline(report.divergence.time, color="tab:red", linewidth=0.9)
-    _finish(figure, axes, report.time, path)
-
-
-def _stack_panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
-    figure = make_figure(8.0, PANEL * count + 0.4)
-    axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
-    axes[0].set_title(title, fontsize=10, parse_math=False)
-    return figure, axes
+        for event in record.events:
+            color = "tab:red" if event.kind in ALARMING else "tab:purple"
+            axis.axvline(event.time - record.time[0], color=color, linestyle=":", linewidth=0.9)
+        open_frame(axis)
+        if axis.get_legend_handles_labels()[0]:
+            axis.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+    axes[-1].set(xlabel="time [s]", xlim=(0.0, max(float(time[-1]), 1e-3)))
+    return figure
 
 
 def _find_largest(values: Array) -> Integers:
@@ -135,25 +115,6 @@ def _plot_joints(
         axis.plot(time, values[:, joint], linewidth=1.1, label=joint_names[joint])
 
 
-def _plot_tracking(axis: Axes, record: FlightRecord, time: Array, named: Integers) -> None:
-    angle, target = np.degrees(record.state["joint_pos"]), np.degrees(record.sent["joint_pos"])
-    held = record.sent["torque_limit"] > 0.0
-    for joint in named:
-        (line,) = axis.plot(time, angle[:, joint], linewidth=1.1, label=record.joint_names[joint])
-        shown = np.where(held[:, joint], target[:, joint], np.nan)
-        axis.plot(time, shown, color=line.get_color(), linestyle="--", linewidth=0.9)
-    axis.set_ylabel("angle, target -- [°]")
-
-
-def _plot_heat(axis: Axes, record: FlightRecord, time: Array) -> None:
-    axis.plot(time, record.state["temperature"].max(axis=1), color="tab:red", linewidth=1.1)
-    axis.set_ylabel("hottest servo [°C]", color="tab:red")
-    supply = axis.twinx()
-    supply.plot(time, record.state["voltage"], color="tab:blue", linewidth=1.1)
-    supply.set_ylabel("supply [V]", color="tab:blue")
-    supply.spines[["top"]].set_visible(False)
-
-
 def _plot_timing(axis: Axes, record: FlightRecord, time: Array) -> None:
     """Plot ages and the loop's times if the log has them, else the jitter of the cycles."""
     curves: dict[str, Array] = {"jitter": np.diff(time, prepend=-record.period) - record.period}
@@ -165,28 +126,6 @@ def _plot_timing(axis: Axes, record: FlightRecord, time: Array) -> None:
     for name, values in curves.items():
         axis.plot(time[-len(values) :], MILLISECONDS * values, linewidth=0.9, label=name)
     axis.set_ylabel("age, time [ms]")
-
-
-def _mark_events(axis: Axes, record: FlightRecord, *, named: bool) -> None:
-    data_and_axis = axis.get_xaxis_transform()
-    for event in record.events:
-        color = "tab:red" if event.kind in ALARMING else "tab:purple"
-        time = event.time - record.time[0]
-        axis.axvline(time, color=color, linestyle=":", linewidth=0.9)
-        if named and len(record.events) <= MANY:
-            text = axis.text(
-                time, 0.98, f" {event.kind}", transform=data_and_axis, va="top", clip_on=True
-            )
-            text.set(color=color, fontsize=7)
-
-
-def _finish(figure: Figure, axes: list[Axes], time: Array, path: Path) -> None:
-    for axis in axes:
-        open_frame(axis)
-        if axis.get_legend_handles_labels()[0]:
-            axis.legend(loc="upper left", bbox_to_anchor=(1.07, 1.0), fontsize=8, frameon=False)
-    axes[-1].set(xlabel="time [s]", xlim=(0.0, max(float(time[-1]), 1e-3)))
-    save_figure(figure, path)
 
 
 LABELS = ("neck height [share of standing]", "side angle [deg]", "front angle [deg]")
@@ -224,11 +163,11 @@ def save_styles(styles: Sequence[Style], file: Path) -> None:
     save_figure(figure, file, dpi=DPI)
 
 
-def save_followed(record: FlightRecord, file: Path, *, title: str = "") -> None:
-    """Plot the style that a policy followed in a flight, as PNG, if it followed any."""
+def draw_followed(record: FlightRecord, *, title: str = "") -> Figure | None:
+    """Plot the style that a policy followed in a flight; None if it followed none."""
     guidance = record.tracks.get("guidance")
     if guidance is None:
-        return
+        return None
     time = record.time[np.searchsorted(record.state.cycle, guidance.cycle)] - record.time[0]
     figure = make_figure(WIDTH, HEIGHT)
     axes = figure.subplots(1, len(LABELS))
@@ -240,7 +179,7 @@ def save_followed(record: FlightRecord, file: Path, *, title: str = "") -> None:
             axis.plot(time, features[:, k], line, color=color, label=name)
     figure.suptitle(title, fontsize=10)
     _finish_styles(figure, axes, float(time[-1]))
-    save_figure(figure, file, dpi=DPI)
+    return figure
 
 
 def _in_units(features: Array) -> Array:

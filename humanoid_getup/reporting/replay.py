@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,8 @@ from robots.servo import LIMIT_MODES, LimitMode
 
 THRESHOLD = 0.05  # rad, 3 degrees: above the effect of encoders, backlash and one late cycle
 PHASES = ("lying", "rising", "standing")
+FLIGHT = "flight"
+DESCRIBED, IDENTIFIED = "as described", "as identified"  # twins
 CYCLES_EACH = 100  # after which progress is reported
 LONGEST_GAP = 5.0  # s without a cycle, for which the twin holds the last command
 
@@ -56,6 +58,8 @@ class ReplayReport:
     """Difference of a joint or of the tilt from which it counts as divergence [rad]."""
     twin_qpos: Array
     """MuJoCo positions of the twin, its ground truth, (T, nq)."""
+    curves: Mapping[str, Array]
+    """Tilt, current and supply of the twin, each (T,); see `read_curves`."""
     phase: Integers
     """Place in `PHASES` of each cycle, (T,)."""
 
@@ -76,12 +80,11 @@ class ReplayReport:
 
     @property
     def gaps(self) -> dict[str, Array]:
-        """Return each joint's root mean square difference in each phase that there was [rad]."""
-        return {
-            name: _rms(self.difference[self.phase == k])
-            for k, name in enumerate(PHASES)
-            if np.any(self.phase == k)
-        }
+        """Return the RMS of joints, then of the tilt, in each phase and in all [rad], (n + 1,)."""
+        values = np.column_stack([self.difference, self.tilt_difference])
+        rows = {name: self.phase == k for k, name in enumerate(PHASES)}
+        gaps = {name: _rms(values[row]) for name, row in rows.items() if row.any()}
+        return gaps | {FLIGHT: _rms(values)}
 
     @property
     def is_exact(self) -> bool:
@@ -132,10 +135,12 @@ class ReplayReport:
             "joints": {name: {"rms_rad": rms, "max_rad": most} for name, rms, most in rows},
             "phases": {
                 phase: {
-                    "rms_rad": float(np.sqrt(np.mean(gap**2))),
-                    "joints": dict(zip(self.joint_names, gap.tolist(), strict=True)),
+                    "rms_rad": float(np.sqrt(np.mean(np.square(gap)))),
+                    "tilt_rms_rad": float(tilt),
+                    "joints": dict(zip(self.joint_names, map(float, gap), strict=True)),
                 }
-                for phase, gap in self.gaps.items()
+                for phase, (*gap, tilt) in self.gaps.items()
+                if phase != FLIGHT
             },
         }
 
@@ -176,18 +181,55 @@ def replay(
             command = record.command(cycle)
             for _ in range(count):
                 twin.write(command)
-    joint_pos = np.array([state.joint_pos for state in replayed])
-    orientation = np.array([state.orientation for state in replayed])
+    names = ("joint_pos", "orientation", "joint_current", "voltage")
+    twins = {name: np.array([getattr(state, name) for state in replayed]) for name in names}
     return ReplayReport(
         robot=record.robot,
         joint_names=record.joint_names,
         time=record.time - record.time[0],
-        difference=record.state["joint_pos"] - joint_pos,
-        tilt_difference=_angle_between_verticals(record.state["orientation"], orientation),
+        difference=record.state["joint_pos"] - twins["joint_pos"],
+        tilt_difference=_angle_between_verticals(record.state["orientation"], twins["orientation"]),
         threshold=threshold,
         twin_qpos=np.array(positions),
+        curves=read_curves(twins),
         phase=_find_phases(record),
     )
+
+
+def read_curves(states: Mapping[str, Array]) -> dict[str, Array]:
+    """Read tilt, current of all servos and supply from fields of states, (T, ...)."""
+    return {
+        "tilt [°]": np.degrees(quaternion.tilt(states["orientation"])),
+        "current of all servos [A]": np.nansum(np.abs(states["joint_current"]), axis=1),
+        "supply [V]": states["voltage"],
+    }
+
+
+def write_gaps(twins: Mapping[str, ReplayReport]) -> Iterator[tuple[str, ...]]:
+    """Write headings, and a row for each phase and for the flight [mrad]."""
+    first, *others = twins.values()
+    closed = [find_closed(first, other) for other in others]
+    of_twins = (cell for name in twins for cell in (name, "most in", "tilt"))
+    yield "RMS, mrad", *of_twins, *["gap closed" for _ in others]
+    for span in first.gaps:
+        cells = (cell for twin in twins.values() for cell in _write_gap(twin, span))
+        yield span, *cells, *(f"{each[span]:.0%}" for each in closed)
+
+
+def _write_gap(report: ReplayReport, span: str) -> tuple[str, str, str]:
+    *joints, tilt = 1e3 * report.gaps[span]
+    worst = int(np.argmax(joints))
+    rms = np.sqrt(np.mean(np.square(joints)))
+    return f"{rms:.1f}", f"{report.joint_names[worst]} {joints[worst]:.1f}", f"{tilt:.1f}"
+
+
+def find_closed(described: ReplayReport, identified: ReplayReport) -> dict[str, float]:
+    """Compute the share of each gap of joints that the second twin lacks; negative for more."""
+    sizes = [
+        {span: float(np.linalg.norm(gap[:-1])) for span, gap in twin.gaps.items()}
+        for twin in (described, identified)
+    ]
+    return {k: 1.0 - sizes[1][k] / size if size else 0.0 for k, size in sizes[0].items()}
 
 
 def _find_phases(record: FlightRecord) -> Integers:

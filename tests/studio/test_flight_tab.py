@@ -121,14 +121,14 @@ def test_the_files_are_those_of_the_command_that_is_shown(
         window.click("Save files")
         window.click("Open")
         window.see("files are being saved, expected their end, or Cancel first")
-        window.see("replay.json, flight.png, replay.png.")
+        window.see("replay.json, replay.html.")
         window.type("Folder", "../outside")
         window.click("Save files")
         window.see(f"{tmp_path}/outside: expected a file in {logs}")
     assert main([*shlex.split(line)[1:-1], str(tmp_path / "command")]) == 0
     assert not (tmp_path / "outside").exists()
     page, command = sorted((logs / "of the page").iterdir()), tmp_path / "command"
-    assert [file.name for file in page] == ["flight.png", "replay.json", "replay.png"]
+    assert [file.name for file in page] == ["replay.html", "replay.json"]
     for file in page:
         assert file.read_bytes() == (command / file.name).read_bytes()
 

@@ -34,6 +34,7 @@ from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.reporting import film_strip, plots
+from humanoid_getup.reporting.figure import save_figure
 from humanoid_getup.reporting.report import (
     ReportHead,
     RiseReport,
@@ -235,7 +236,8 @@ def _draw_style(report: RiseReport, flight: Path, picture: Path) -> None:
         return
     title = f"{report.robot}, {report.start_class}: style {report.style}"
     try:
-        plots.save_followed(FlightRecord.load(flight), picture, title=title)
+        if figure := plots.draw_followed(FlightRecord.load(flight), title=title):
+            save_figure(figure, picture, dpi=plots.DPI)
     except (ValueError, OSError) as error:  # an incomplete log, a full disk
         report.warnings.append(f"no {STYLE}: {describe(error)}")
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -16,13 +15,13 @@ from tyro.conf import Positional, arg
 from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.command import command
+from humanoid_getup.commands.console import make_table
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.files import READ, ROBOT, Written, staging
 from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.experiments.judging.torque import estimate_torque
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting import plots
 from humanoid_getup.reporting.measured_flight import (
     Cut,
     FlightPostures,
@@ -30,12 +29,17 @@ from humanoid_getup.reporting.measured_flight import (
     place_measured,
 )
 from humanoid_getup.reporting.replay import (
+    DESCRIBED,
+    IDENTIFIED,
     THRESHOLD,
     ReplayReport,
     choose_supply,
+    find_closed,
     find_limit_mode,
     replay,
+    write_gaps,
 )
+from humanoid_getup.reporting.replay_page import write_page
 from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE_FILE
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
@@ -45,13 +49,13 @@ from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 from robots.storage.validation import between
 
-REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
-FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
+REPLAY_FILES = ("replay.json", "replay.html")
+FIGURES, PAGE = REPLAY_FILES
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayRequest(CommandRequest):
-    """Replay a flight log on the twin and report the differences."""
+    """Replay a flight log on the twin, as described and as identified; report differences."""
 
     log: Annotated[Positional[Path], READ, arg(metavar="LOG")]
     """A flight log (.mcap)."""
@@ -65,7 +69,7 @@ class ReplayRequest(CommandRequest):
     """Difference of a joint or of the tilt from which the replay has diverged [rad];
     default: 0.05."""
     out: Annotated[Path | None, Written(REPLAY_FILES), arg(metavar="DIR")] = None
-    """Folder for replay.json, flight.png and replay.png."""
+    """Folder for replay.json and the page replay.html."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,8 +78,9 @@ class ReplayedFlight:
 
     record: FlightRecord
     world: World
-    """The world of the twin."""
-    report: ReplayReport
+    """The world of the twin, with the robot as described."""
+    twins: dict[str, ReplayReport]
+    """Replay on the robot as described, and as identified if it was, by these words."""
     measured: FlightPostures
     """The robot as it was measured; see `place_measured`."""
     twin: FlightPostures
@@ -96,10 +101,17 @@ class ReplayedFlight:
         """Return the name of the scene."""
         return self.world.scene.name
 
+    @property
+    def report(self) -> ReplayReport:
+        """Return the replay on the robot as described."""
+        return self.twins[DESCRIBED]
+
     def describe(self) -> dict[str, Any]:
-        """Describe the replay for JSON."""
-        record = self.record
+        """Describe the replay for JSON, in which ``identified`` is None if nothing was."""
+        record, identified = self.record, self.twins.get(IDENTIFIED)
         return self.report.describe() | {
+            "identified": identified
+            and identified.describe() | {"gap_closed": find_closed(self.report, identified)},
             "log": record.path,
             "started": record.started,
             "about": dict(record.about),
@@ -124,13 +136,14 @@ def replay_flight(
     monitor.begin("reading")
     with refusing():
         record = FlightRecord.load(request.log)
-        world = _load_world(request, record, folders)
-        compared = _replay(request, record, world, monitor)
+        worlds = _load_worlds(request, record, folders)
+        twins = {name: _replay(request, record, one, monitor) for name, one in worlds.items()}
+        world, compared = worlds[DESCRIBED], twins[DESCRIBED]
         monitor.begin("comparing")
         flight = ReplayedFlight(
             record=record,
             world=world,
-            report=compared,
+            twins=twins,
             measured=FlightPostures.of(world, place_measured(world, record, compared)),
             twin=FlightPostures.of(world, compared.twin_qpos),
             torque=estimate_torque(world.robot, record.state["joint_current"]),
@@ -144,29 +157,27 @@ def replay_flight(
 
 @replay_flight.show
 def _print(flight: ReplayedFlight, _: ReplayRequest, console: Console) -> None:
-    record, report, figures = flight.record, flight.report, flight.report.describe()
-    rows = (
-        ("joints", figures["rms_rad"], figures["max_rad"]),
-        ("tilt", figures["tilt_rms_rad"], figures["tilt_max_rad"]),
-    )
-    console.print(f"[bold {'red' if report.divergence else 'green'}]{report.headline}")
+    record, twins = flight.record, flight.twins
+    for name, report in twins.items():
+        color = "red" if report.divergence else "green"
+        console.print(f"[bold {color}]{escape(report.headline)}[/] [dim]{name}")
+    console.print(f"[dim]log[/]  {escape(record.describe())}")
+    headings, *rows = write_gaps(twins)
+    gaps = make_table(headings, left=(headings[0], "most in"))
+    for row in rows:
+        gaps.add_row(*map(escape, row))
+    if not all(report.is_exact for report in twins.values()):
+        console.print(gaps)
     table = Table.grid(padding=(0, 2))
-    table.add_row("[dim]log", escape(record.describe()))
-    if not report.is_exact:
-        for label, rms, largest in rows:
-            table.add_row(f"[dim]{label}", f"RMS {rms:.4f} rad, at most {largest:.4f} rad")
-        for phase, gap in report.gaps.items():
-            worst = report.joint_names[int(gap.argmax())]
-            text = f"RMS {np.sqrt(np.mean(gap**2)):.4f} rad, most in {worst}: {gap.max():.4f} rad"
-            table.add_row(f"[dim]{phase}", escape(text))
     for event in record.events:
         table.add_row(f"[dim]{escape(event.kind)}", f"{event.time:.2f} s: {escape(event.text)}")
     console.print(table)
 
 
-def _load_world(
+def _load_worlds(
     request: ReplayRequest, record: FlightRecord, folders: Sequence[Path] | None
-) -> World:
+) -> dict[str, World]:
+    """Load the robot as described, and as identified if it was, into the scene."""
     body = Body.parse(str(record.about.get("body", "")))
     robot = load_robot(request.robot or record.robot, body)
     record.check_robot(robot)
@@ -174,7 +185,8 @@ def _load_world(
     if request.scene is None and folders is not None and scene.endswith(SCENE_FILE):
         _check_place(record, scene, folders)
     seed = record.about.get("seed", 0)
-    return World(robot, load_scene(scene, robot, seed if isinstance(seed, int) else 0))
+    place = load_scene(scene, robot, seed if isinstance(seed, int) else 0)
+    return {DESCRIBED: World(robot, place)}
 
 
 def _check_place(record: FlightRecord, scene: str, folders: Sequence[Path]) -> None:
@@ -205,13 +217,25 @@ def _replay(
 
 
 def _write(flight: ReplayedFlight, out: Path, monitor: ProgressMonitor) -> tuple[Path, ...]:
-    """Write figures and plots into a folder; return the files."""
-    record, title = flight.record, f"{flight.record.robot}, {flight.record.path.name}"
+    """Write figures and page into a folder; return the files."""
     with staging(out, REPLAY_FILES) as folder:
         monitor.begin("drawing")
         write_atomically(folder / FIGURES, to_json(flight.describe()))
-        plots.save_flight(record, folder / FLIGHT, title=title)
-        plots.save_difference(flight.report, folder / DIFFERENCE, title=f"{title}: replay")
-        plots.save_followed(record, folder / STYLE, title=f"{title}: style")
+        page = write_page(flight.record, flight.twins, _list_facts(flight))
+        write_atomically(folder / PAGE, page)
         monitor.check()
-    return tuple(out / name for name in REPLAY_FILES if (out / name).exists())
+    return tuple(out / name for name in REPLAY_FILES)
+
+
+def _list_facts(flight: ReplayedFlight) -> dict[str, str]:
+    record, robot = flight.record, flight.world.robot
+    return {
+        "log": f"{record.path.name}, {record.describe()}",
+        "recorded": ", ".join(
+            [record.started, *(f"{k} {v}" for k, v in record.about.items() if v)]
+        ),
+        "robot": f"{robot.name}, {str(robot.body) or 'original'} body",
+        "scene": flight.scene,
+        "supply": f"{flight.report.curves['supply [V]'][0]:.3g} V on the twin",
+        "start": f"posture {flight.start}",
+    }

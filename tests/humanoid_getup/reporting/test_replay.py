@@ -60,11 +60,13 @@ def test_differences_are_worked_out_by_joint(tiny):
         tilt_difference=np.array([0.0, 0.0, 0.2, 0.0]),
         threshold=0.25,
         twin_qpos=np.zeros((4, 9)),
+        curves={},
         phase=np.array([0, 1, 1, 1]),
     )
     # Of the rise: sqrt(0.04 / 2 measured), sqrt((0.09 + 0.16) / 3).
-    assert report.gaps.keys() == {"lying", "rising"}
-    np.testing.assert_allclose(report.gaps["rising"], [0.2 / np.sqrt(2.0), np.sqrt(0.25 / 3.0)])
+    assert report.gaps.keys() == {"lying", "rising", "flight"}
+    rising = [0.2 / np.sqrt(2.0), np.sqrt(0.25 / 3.0), 0.2 / np.sqrt(3.0)]  # the last of the tilt
+    np.testing.assert_allclose(report.gaps["rising"], rising)
     # sqrt(0.04 / 3 measured), sqrt((0.09 + 0.16) / 4)
     np.testing.assert_allclose(report.rms, [0.2 / np.sqrt(3.0), 0.25])
     np.testing.assert_allclose(report.maximum, [0.2, 0.4])

@@ -15,7 +15,6 @@ from drivers import Cycle, Twin
 from drivers.flight_log.writer import FlightLog
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.look.replay import (
-    REPLAY_FILES,
     ReplayedFlight,
     ReplayRequest,
     replay_flight,
@@ -49,7 +48,8 @@ def test_the_function_has_what_the_command_prints_and_writes(
     assert printed.err.startswith(flight.report.headline)
     assert flight.record.describe() in printed.err
     names = [path.name for path in flight.written]
-    assert names == [name for name in REPLAY_FILES if name != "style.png"]
+    assert names == ["replay.json", "replay.html"]
+    assert flight.describe()["identified"] is None
     for name in names:
         written = tmp_path / "function" / name, tmp_path / "command" / name
         assert written[0].read_bytes() == written[1].read_bytes(), name

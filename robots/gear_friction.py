@@ -8,6 +8,8 @@ import numpy as np
 from robots.quaternion import Array
 from robots.robot import Robot
 
+LEAST_FRICTION = 1e-3  # share of the friction, by which that under load is divided
+
 
 class GearFriction:
     """Dry friction of a robot's gears by the torques of their motors.
@@ -21,7 +23,8 @@ class GearFriction:
         """Find the servos of a robot in its compiled world."""
         self._robot = robot
         servos = [joint.servo for joint in robot.joints]
-        loaded = np.array([servo.model.loads_gears for servo in servos], dtype=bool)
+        own = robot.individual
+        loaded = np.array([s.model.loads_gears or own.load_friction > 0.0 for s in servos])
         coupled = np.zeros(robot.n, dtype=bool)
         coupled[[i for coupling in robot.couplings for i in coupling.joints]] = True
         self.in_joints = np.flatnonzero(loaded & ~coupled)
@@ -33,7 +36,7 @@ class GearFriction:
             [model.tendon(robot.joint_names[i]).id for i in self.in_tendons], dtype=int
         )
         self._gear = np.array([servo.gear for servo in servos])
-        self.added_share: Array | float = 0.0
+        self.added_share: Array | float = own.load_friction / max(own.friction, LEAST_FRICTION)
         """Further friction of all gears per torque of the motor, that broadcasts with (..., n)."""
         names = ("friction", "load_friction", "load_friction_slope", "stiction", "stiction_speed")
         self._figures = np.array([[getattr(s.model, name) for name in names] for s in servos]).T
@@ -53,4 +56,5 @@ class GearFriction:
         load = np.abs(torque) / self._gear
         speed = np.abs(self._robot.transmission.to_servo(joint_vel))
         loss = load * (share + slope * load + stiction * np.exp(-speed / fading))
-        return self._gear * (friction + loss)
+        own = max(self._robot.individual.friction, LEAST_FRICTION)
+        return self._gear * own * (friction + loss)

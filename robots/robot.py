@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from robots.bus_settings import BusSettings
 from robots.imu import ImuKind, ImuSettings
+from robots.individual import AS_DESCRIBED, Individual
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body
 from robots.quaternion import Array
@@ -210,6 +211,8 @@ class Robot(JointArrays):
     """What a torque limit acts on by default: ``"current"`` or ``"pwm"``."""
     body: Body = ORIGINAL
     """Factors on the lengths of its model; see `robots.description.loading.reshape`."""
+    individual: Individual = AS_DESCRIBED
+    """What sets it apart from its description, as identified."""
 
     def __post_init__(self) -> None:
         self._derive(self.joints, self.couplings)
@@ -297,6 +300,7 @@ class Robot(JointArrays):
         spec.option.timestep = self.choose_timestep(min(spec.option.timestep, LONGEST_TIMESTEP))
         for i in range(self.n):
             self._add_actuator(spec, i)
+        self.individual.shape(spec, self.torso, self.imu_site)
         return spec
 
     def read_model(self) -> mujoco.MjSpec:
@@ -323,10 +327,10 @@ class Robot(JointArrays):
                 turned.wrap_joint(self.joint_names[k], turns)
             actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
         turned.armature = motor.armature * gear**2
-        turned.frictionloss = motor.friction * gear
+        turned.frictionloss = motor.friction * gear * self.individual.friction
         if motor.viscous_friction:
             turned.damping[0] += motor.viscous_friction * gear**2
-        if motor.loads_gears:
+        if motor.loads_gears or self.individual.load_friction:
             turned.solref_friction[:] = STIFF_SOLREF
             turned.solimp_friction[: len(STIFF_SOLIMP)] = STIFF_SOLIMP
         gain, slope = float(self.position_gain[i]), float(self.torque_speed_slope[i])
@@ -356,6 +360,17 @@ class Robot(JointArrays):
             torso=model.body(self.torso).id,
         )
 
+    def with_individual(self, individual: Individual) -> Robot:
+        """Return this robot, as described, with what sets an individual apart."""
+        own = individual.supply_resistance
+        resistance = self.supply_resistance if own is None else own
+        return replace(self, individual=individual, supply_resistance=resistance)
+
+    def find_stall(self, voltage: Array | float) -> Array:
+        """Compute the actuators' torques at standstill at supplies (...) [V], (..., n) [N·m]."""
+        share = self.individual.strength * np.asarray(voltage)[..., None] / self.nominal_voltage
+        return share * self.max_torque
+
     def sag(self, voltage: Array | float, torque: Array, actuator_vel: Array) -> Array:
         """Compute the supply at the servos under load, (...) [V].
 
@@ -364,12 +379,17 @@ class Robot(JointArrays):
             torque: Torques of the actuators [N·m], (..., n).
             actuator_vel: Their speeds [rad/s], (..., n).
         """
+        current = self.find_supply_current(voltage, torque, actuator_vel)
+        return np.maximum(voltage - self.supply_resistance * current, LOWEST_SUPPLY)
+
+    def find_supply_current(
+        self, voltage: Array | float, torque: Array, actuator_vel: Array
+    ) -> Array:
+        """Compute the current that all servos draw from their supply, (...) [A]; see `sag`."""
         resistance = np.array([joint.servo.model.resistance for joint in self.joints])
         needed = torque * resistance / self.motor_constant + self.motor_constant * actuator_vel
         share = np.clip(needed / np.asarray(voltage)[..., None], -1.0, 1.0)
-        current = np.sum(share * torque / self.torque_per_ampere, axis=-1)
-        sagged = voltage - self.supply_resistance * np.maximum(current, 0.0)
-        return np.maximum(sagged, LOWEST_SUPPLY)
+        return np.maximum(np.sum(share * torque / self.torque_per_ampere, axis=-1), 0.0)
 
     def round_current(self, torque: Array | float) -> Array:
         """Round torques down to those of whole counts of the motors' current [N·m], (..., n)."""

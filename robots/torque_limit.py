@@ -131,7 +131,8 @@ class Drive:
         voltage alone limits a motor that drives, and one that brakes has its nominal torque.
         """
         share = np.asarray(voltage, dtype=float)[..., None] / robot.nominal_voltage
-        return self.torque * np.where(self.follows_supply, np.maximum(share, 1.0), 1.0)
+        of_supply = np.where(self.follows_supply, np.maximum(share, 1.0), 1.0)
+        return self.torque * of_supply * robot.individual.strength
 
     def gains(self, robot: Robot, voltage: Array | float) -> Array:
         """Compute the ``actuator_gainprm`` of a robot's servos at a supply, (..., n, 10).
@@ -147,10 +148,11 @@ class Drive:
         gains = np.zeros((*voltage.shape[:-1], robot.n, GAIN_COLUMNS))
         gains[..., RESISTANCE] = [m.resistance for m in models]
         gains[..., MOTOR_CONSTANT] = robot.motor_constant
-        stiffness = robot.position_gain * self.gain_scale
+        own = robot.individual.strength
+        stiffness = robot.position_gain * self.gain_scale * own
         gains[..., KP] = stiffness * np.where(self.by_current, 1.0, voltage / robot.nominal_voltage)
         gains[..., KD] = np.where(self.by_current, damping, robot.torque_speed_slope)
-        gains[..., VMAX] = voltage * self.pwm
+        gains[..., VMAX] = voltage * self.pwm * np.where(self.by_current, 1.0, own)
         return gains
 
 

@@ -193,8 +193,15 @@ class Simulation:
         if last is None or not np.array_equal(last.torque, drive.torque):
             self._rest_time = 0.0
             self.model.opt.noslip_iterations = 0
+            self._forget_targets()
             if self._grip is not None:
                 self._grip.hold(self.data, drive.torque)
+
+    def _forget_targets(self) -> None:
+        """Begin the delay of targets anew: what was sent without torque does not act later."""
+        for servo in self._actuators if self.robot.individual.delay > 0.0 else ():
+            samples = np.full(self.model.actuator_history[servo, 0], self.data.ctrl[servo])
+            mujoco.mj_initCtrlHistory(self.model, self.data, servo, None, samples)
 
     def release(self) -> None:
         """Switch off the torque of every servo."""

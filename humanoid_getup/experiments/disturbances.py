@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit, quaternion
 from robots.body.overlap import DEEP, overlaps_at
 from robots.ground import GROUND_FRICTION
+from robots.individual import Individual
 from robots.kinematics import find_carriers, lowest_point
 from robots.quaternion import Array
 from robots.robot import Layout
@@ -94,6 +96,7 @@ def draw(quantity: Quantity, rng: np.random.Generator, *shape: int) -> Array:
 ROOM_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a disturbance, tried in this order
 JOINT_SHARES = np.array([1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.0])
 """Of a joint's offset, tried in this order where it puts limbs into each other."""
+LEAST_SHARE = 0.05  # of a figure of which an interval is known
 MOST_DELAY = 0.04  # s, of targets or measurements
 MOST_RAISED = 0.04  # m by which a disturbance may raise or lower a robot
 
@@ -201,7 +204,27 @@ class Disturbance:
     def draw(
         self, world: World, n: int, rng: np.random.Generator, limit: TorqueLimit = FULL_TORQUE
     ) -> DomainParameters:
-        """Draw the domain parameters of n robots; a constant quantity draws nothing."""
+        """Draw the domain parameters of n robots; a constant quantity draws nothing.
+
+        What is known of an individual is drawn from its intervals.
+        """
+        return self._known_of(world.robot.individual)._draw(world, n, rng, limit)
+
+    def _known_of(self, own: Individual) -> Disturbance:
+        """Return it with the intervals of an individual in place of its own widths."""
+        names = {"mass": "mass", "strength": "strength", "friction": "friction_loss"}
+        known: dict[str, Any] = {
+            name: Uniform(*np.maximum(own.relative(figure), LEAST_SHARE).tolist())
+            for figure, name in names.items()
+            if figure in own.intervals
+        }
+        if "com" in own.intervals:
+            known["com_shift"] = Uniform(*(end - own.com for end in own.intervals["com"]))
+        return replace(self, **known) if known else self
+
+    def _draw(
+        self, world: World, n: int, rng: np.random.Generator, limit: TorqueLimit
+    ) -> DomainParameters:
         robot = world.robot
         p = DomainParameters.nominal(world, n, torque_limit=limit.value, limit_by=limit.by)
         p.torque_limit[:] *= draw(self.torque_share, rng, n)

@@ -112,7 +112,7 @@ class Yielding:
         supply would allow.
         """
         limit, supply = limit.on(robot), robot.supply_voltage / robot.nominal_voltage
-        self._stall = supply * robot.max_torque
+        self._stall = robot.find_stall(robot.supply_voltage)
         saturates = limit_torque(robot, limit.value) >= SATURATED * self._stall
         self._robot = robot
         self._trips = robot.trips & saturates & (robot.strength > 0.0)

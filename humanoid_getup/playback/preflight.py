@@ -235,7 +235,8 @@ def _judge_load(
     reasons = []
     limited = "" if torque_limit is None else f" with {torque_limit:g} N·m"
     if not figures.succeeded:
-        at_supply = f"rolled out at {figures.voltage:.1f} V{limited}"
+        behind = f" behind {robot.supply_resistance:g} Ω" if robot.supply_resistance else ""
+        at_supply = f"rolled out at {figures.voltage:.1f} V{behind}{limited}"
         remedy = ": raise --torque-limit" if limited else ""
         reasons.append(_refuse(f"{at_supply}, it does not end {describe_end(motion)}{remedy}"))
     for i, name in enumerate(robot.joint_names):

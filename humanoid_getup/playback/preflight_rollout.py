@@ -80,7 +80,7 @@ def measure(
     at_start = _find_overlap(world, at_rest, data)
     own = [_find_overlap(world, motion.posture(k), data) for k in frames]
     deepest = np.max([overlap, *own], axis=0)
-    stall = robot.max_torque * voltage / robot.nominal_voltage
+    stall = robot.find_stall(voltage)
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
     torque = outcome.record.torque
     saturated = find_saturation(robot, torque, outcome.record.actuator_vel, voltage)
@@ -114,7 +114,10 @@ def _roll_out(
     torque_limit: TorqueLimit,
     balance: Balance | None,
 ) -> tuple[Outcome, Array]:
-    """Play the motion on a twin, without the guard's limits of supply and temperature."""
+    """Play the motion on a twin, without the guard's limit of temperature.
+
+    That of the supply judges dips behind a resistance; a supply at rest is judged by `preflight`.
+    """
     robot = world.robot
     twin = Twin(
         world,
@@ -123,9 +126,9 @@ def _roll_out(
         without_imu=robot.imu_site is None,  # only balance needs one
     )
     twin.place(start)
-    limits = replace(
-        GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf
-    )
+    limits = GuardLimits.of(robot, torque_limit.value)
+    judged = limits.min_voltage if robot.supply_resistance else 0.0
+    limits = replace(limits, min_voltage=judged, max_temperature=math.inf)
     overlap = np.zeros((world.model.nbody, world.model.nbody))
 
     def measure_overlaps(_cycle: Cycle) -> None:

@@ -347,7 +347,7 @@ class _Rise:
 def _find_strained(world: World, outcome: Outcome, limit: TorqueLimit) -> tuple[str, float, float]:
     """Find the joint whose servo is at its limit longest, the share of the time, and the limit."""
     robot = world.robot
-    full = robot.max_torque * robot.supply_voltage / robot.nominal_voltage
+    full = robot.find_stall(robot.supply_voltage)
     most: Array = full if limit.value is None else np.minimum(full, limit.value)
     torque = np.abs(outcome.record.torque[0, : outcome.record.cycles[0]])
     at_limit = np.mean(torque >= AT_LIMIT * most, axis=0)

@@ -182,7 +182,7 @@ def check_strength(robot: Robot, stance: Array, squats: Sequence[Squat]) -> Iter
 
     ``stance`` are the torques that hold the stance [N·m], (n,).
     """
-    has = robot.max_torque * robot.supply_voltage / robot.nominal_voltage
+    has = robot.find_stall(robot.supply_voltage)
     drives = robot.strength > 0.0
     stance = np.abs(stance)
     need = np.max([stance, *(np.abs(squat.torque) for squat in squats)], axis=0)

@@ -81,7 +81,7 @@ class DomainParameters:
             strength=np.ones((n, robot.n)),
             armature=np.ones(n),
             friction_loss=np.ones(n),
-            action_delay=np.zeros(n),
+            action_delay=np.full(n, robot.individual.delay),
             sensor_delay=np.zeros(n),
             joint_offset=np.zeros((n, robot.n)),
             backlash=np.zeros(n),

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.simulation.delay_buffers import DelayBuffers
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.world import World
@@ -58,6 +59,9 @@ class VecSim:
         self._has_motors = bool(np.all(self.model.actuator_gaintype[self._servos] == dcmotor))
         self._data: dict[str, Array] = {}
         self.bind("qpos", "qvel", "ctrl", "actuator_force")
+        self._delays = DelayBuffers(self.model)
+        if self._delays.exist:
+            self.bind("history", "sensordata")
         self._fields = {name: self.batch.expand(name) for name in DRIVE_FIELDS}
         # Friction of each geom as a share of the ground's: obstacles may have their own.
         own = self.model.geom_friction[:, 0] / world.scene.surface.friction
@@ -116,6 +120,8 @@ class VecSim:
         self.read("qvel")[ids] = 0.0 if qvel is None else qvel
         self.read("ctrl")[ids] = self.robot.transmission.to_actuator(qpos[:, self._layout.qpos])
         self._compute_sensors(ids)
+        if self._delays.exist:
+            self._delays.fill(self.read("history"), ids, self.read("ctrl"), self.read("sensordata"))
         self._follow_load(ids)
 
     def advance(

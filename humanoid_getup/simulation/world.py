@@ -80,7 +80,9 @@ class World:
         model = np.empty(mujoco.mj_sizeModel(self.model), np.uint8)
         mujoco.mj_saveModel(self.model, None, model)
         limp = " ".join(self.robot.limp_joints).encode()
-        return model.tobytes() + (self.robot.folder / "robot.toml").read_bytes() + limp
+        own = self.robot.individual
+        differs = b"" if own.is_as_described else repr(own).encode()
+        return model.tobytes() + (self.robot.folder / "robot.toml").read_bytes() + limp + differs
 
     def find_non_foot_contact(self, sensordata: Array) -> NDArray[np.bool_]:
         """Find contacts of more than the feet with the world, (..., nsensordata) to (...)."""

@@ -17,6 +17,7 @@ from robots.description.calibration import CALIBRATION_FILE, Calibration, Calibr
 from robots.description.model_checks import find_model_problems
 from robots.description.schema import JointRow, RobotTable, read_description
 from robots.description.servo_catalog import read_servo_models
+from robots.individual import IDENTIFIED_FILE, Individual, IndividualError
 from robots.kinematics import rest_passive_joints
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body, BodyError
@@ -29,14 +30,17 @@ from robots.storage.validation import load_toml, shown
 from robots.transmission import Coupling
 
 
-def load_robot(name_or_folder: str | Path, body: Body = ORIGINAL) -> Robot:
+def load_robot(
+    name_or_folder: str | Path, body: Body = ORIGINAL, individual: Individual | None = None
+) -> Robot:
     """Load a robot by name, or from a user's own folder that holds a robot.toml.
 
     A name of the package's own robots means them, whatever the present folder holds: ``./op3`` is
     a folder.
 
-    A calibration.toml in the folder replaces what the description says of zeros and signs. Another
-    body than that of the model is made as `reshape` says.
+    A calibration.toml in the folder replaces what the description says of zeros and signs; an
+    identified.toml says what sets the robot apart, unless an individual is given. Another body than
+    that of the model is made as `reshape` says.
 
     Raises:
         RobotError: if there is no such robot, or naming all that is wrong in its description.
@@ -45,11 +49,11 @@ def load_robot(name_or_folder: str | Path, body: Body = ORIGINAL) -> Robot:
     """
     expect("robot", name_or_folder, str | Path, "a name or a folder")
     expect("body", body, Body, "a Body, e.g. Body(arms=1.6)")
-    robot = _load_original(name_or_folder)
+    robot = _load_original(name_or_folder, individual)
     return robot if body.is_original else reshape(robot, body)
 
 
-def _load_original(name_or_folder: str | Path) -> Robot:
+def _load_original(name_or_folder: str | Path, individual: Individual | None) -> Robot:
     folder = _find_folder(name_or_folder)
     file = folder / "robot.toml"
     servos, wrong_servos = read_servo_models(folder)
@@ -63,8 +67,13 @@ def _load_original(name_or_folder: str | Path) -> Robot:
             )
         robot.spec().compile()
         calibration = folder / CALIBRATION_FILE
-        return Calibration.load(calibration, robot).apply(robot) if calibration.exists() else robot
-    except CalibrationError as error:
+        if calibration.exists():
+            robot = Calibration.load(calibration, robot).apply(robot)
+        identified = folder / IDENTIFIED_FILE
+        if individual is None and identified.exists():
+            individual = Individual.load(identified, robot.name)
+        return robot if individual is None else robot.with_individual(individual)
+    except (CalibrationError, IndividualError) as error:
         raise RobotError(str(error)) from error
     except RobotError:
         raise

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from robots import quaternion
 from robots.body.joint_view import LimbEnds
 from robots.body.parts import Link, list_head_joints
+from robots.individual import make_explicit
 from robots.proportions import Body, BodyError
 from robots.quaternion import Array
 from robots.reshaping.stretching import (
     AxialStretch,
     Skeleton,
-    make_explicit,
     stretch_geom,
     stretch_inertia,
     stretch_link,
@@ -169,6 +169,9 @@ UPWARDS = np.array([0.0, 0.0, 1.0])
 def reshape_model(spec: mujoco.MjSpec, robot: Robot, body: Body) -> None:
     """Give a robot's model, without servos, the lengths of a body."""
     make_explicit(spec)
+    for link in spec.bodies:
+        if link.frames:
+            link.add_frame()  # the last one: where it is put, a pose is one in the body
     for part, change in _CHANGES.items():
         factor = getattr(body, part)
         if factor == 1.0:

@@ -194,24 +194,6 @@ SPHERE, CAPSULE, CYLINDER, BOX, ELLIPSOID, MESH = (
 )
 
 
-def make_explicit(spec: mujoco.MjSpec) -> None:
-    """Write the masses and inertias that the compiler computes into the bodies."""
-    spec.compiler.fusestatic = False
-    spec.compiler.discardvisual = False
-    model = spec.compile()
-    for body in spec.bodies[1:]:
-        i = body.id
-        body.explicitinertial, body.fullinertia = True, np.full(6, np.nan)
-        body.mass, body.ipos = float(model.body_mass[i]), model.body_ipos[i]
-        body.inertia, body.iquat = model.body_inertia[i], model.body_iquat[i]
-        body.ialt.type = QUATERNION
-    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
-    spec.compiler.settotalmass = -1.0
-    for body in spec.bodies:
-        if body.frames:
-            body.add_frame()  # the last one: where it is put, a pose is one in the body
-
-
 def stretch_link(
     skeleton: Skeleton, link: Link, stretch: AxialStretch, kept: Collection[int] = ()
 ) -> None:

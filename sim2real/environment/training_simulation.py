@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
 
-import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
 from humanoid_getup.policy.action import between
@@ -59,7 +56,6 @@ class TrainingSim(VecSim):
         self._neck = self.model.site(self.robot.neck_site).id
         self._addresses = SensorAddresses(world)
         self._meter = StanceMeter(self.robot, self.model, world.scene.support)
-        self._delays = DelayBuffers(self.model)
         if self._delays.exist:
             self._fields |= {
                 name: self.batch.expand(name) for name in ("actuator_delay", "sensor_delay")
@@ -208,7 +204,7 @@ class TrainingSim(VecSim):
         self._torque = state["torque"].copy()
 
     def _compute_sensors(self, ids: Ids) -> None:
-        """Compute sensors without delay, then fill the delay buffers with their values."""
+        """Compute sensors without delay, with whose values the delay buffers are filled."""
         if not self._delays.exist:
             super()._compute_sensors(ids)
             return
@@ -217,40 +213,3 @@ class TrainingSim(VecSim):
         delay[ids] = 0.0
         super()._compute_sensors(ids)
         delay[ids] = kept
-        self._delays.fill(self.read("history"), ids, self.read("ctrl"), self.read("sensordata"))
-
-
-Whole = NDArray[np.integer[Any]]
-
-
-class DelayBuffers:
-    """Fills the buffers of placed robots as if they had always rested in their present state.
-
-    A buffer in mjData.history is two numbers of bookkeeping, the sample times, then the samples.
-    """
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self.exist = model.nhistory > 0
-        data = mujoco.MjData(model)
-        self._blank = data.history.copy()
-        each, one = np.arange(model.nu), np.ones(model.nu, dtype=int)
-        self._ctrl = _find_samples(model.actuator_historyadr, model.actuator_history, each, one)
-        self._sensors = _find_samples(
-            model.sensor_historyadr, model.sensor_history, model.sensor_adr, model.sensor_dim
-        )
-
-    def fill(self, history: Array, ids: Ids, ctrl: Array, sensordata: Array) -> None:
-        """Fill the buffers of some robots with present values."""
-        rows = np.tile(self._blank, (len(ids), 1))
-        for (there, here), now in ((self._ctrl, ctrl), (self._sensors, sensordata)):
-            rows[:, there] = now[ids[:, None], here]
-        history[ids] = rows
-
-
-def _find_samples(starts: Whole, history: Whole, addresses: Whole, sizes: Whole) -> tuple[Ids, Ids]:
-    """Return the addresses of all samples in the history, and of their values."""
-    there, here = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
-    for start, samples, address, size in zip(starts, history[:, 0], addresses, sizes, strict=True):
-        there.append(start + 2 + samples + np.arange(samples * size))
-        here.append(address + np.tile(np.arange(size), samples))
-    return np.concatenate(there), np.concatenate(here)

@@ -98,7 +98,8 @@ def build_training_world(
     spec.option.timestep = timestep
     for vary in variants:
         vary(spec, robot)
-    samples = int(np.ceil(longest_delay / spec.option.timestep - 1e-9))
+    longest = longest_delay + robot.individual.delay
+    samples = int(np.ceil(longest / spec.option.timestep - 1e-9))
     sensor, obj = mujoco.mjtSensor, mujoco.mjtObj
     for name in robot.joint_names:
         for kind, label in ((sensor.mjSENS_JOINTPOS, "pos"), (sensor.mjSENS_JOINTVEL, "vel")):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
 
+from drivers import Command, State, Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.library_environment import keep_matplotlib_out_of_home
 from humanoid_getup.playback.estimation import estimate_posture
@@ -16,9 +18,11 @@ from humanoid_getup.reporting.replay import choose_supply, find_limit_mode
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot
+from robots import Posture, Robot, quaternion
+from robots.individual import Individual
 from robots.kinematics import place
 from robots.quaternion import Array
+from robots.servo import LIMIT_MODES
 
 LENGTH = 1.4  # s of each flight that are replayed, from the first torque on
 LEAST_MOTION = 0.3  # rad by which some joint moves meanwhile
@@ -29,10 +33,15 @@ STEPS = 160  # generations: a quarter for each model, an eighth for each refit
 NEAR = 0.3  # first spread about an earlier result, as a share of that of `FIGURES`
 PARTS, CONFIDENCE = 4, 0.95
 BETTER = 0.9  # of the gap, below which friction by load has to bring it
+TURN_SCALE = 0.5  # s, by which rates are multiplied that are aligned beside unit vectors
+MOST_TILT = np.radians(15.0)  # of the IMU's mounting
+LEAST_CURRENT = 2.0  # A of the supply, by which it has to vary
+WRONG_JOINT, WRONG_GAP = 3.0, 0.03  # times the median joint's gap, and rad
+MOST_LATE, FAR_MASS = 0.016, 0.25  # s; share of the mass
 
 
 class Figure(NamedTuple):
-    """A global parameter of a robot."""
+    """A figure of a robot, as of `Individual`."""
 
     nominal: float
     start: float  # mean and standard deviation of the first samples
@@ -43,13 +52,14 @@ class Figure(NamedTuple):
 
 
 FIGURES = {
-    "strength": Figure(1.0, 1.0, 0.1, 0.4, 1.3, 0.05),  # share of torque and gain
-    "friction": Figure(1.0, 1.0, 0.3, 0.0, 5.0, 0.4),  # share of dry friction
-    "mass": Figure(1.0, 1.0, 0.03, 0.7, 1.4, 0.06),  # share
-    "delay": Figure(0.0, 0.006, 0.006, 0.0, 0.05, 0.002),  # s, of targets
-    "com": Figure(0.0, 0.0, 0.005, -0.04, 0.04, 0.005),  # m, center of mass of the torso, forward
-    "load_friction": Figure(0.0, 0.1, 0.1, 0.0, 0.7, 0.1),  # of gears, per torque of the motor
+    "strength": Figure(1.0, 1.0, 0.1, 0.4, 1.3, 0.05),
+    "friction": Figure(1.0, 1.0, 0.3, 0.0, 5.0, 0.4),
+    "mass": Figure(1.0, 1.0, 0.03, 0.3, 2.0, 0.06),
+    "delay": Figure(0.0, 0.006, 0.006, 0.0, 0.06, 0.002),
+    "com": Figure(0.0, 0.0, 0.005, -0.04, 0.04, 0.005),
+    "load_friction": Figure(0.0, 0.1, 0.1, 0.0, 0.7, 0.1),
 }
+SUPPLY = Figure(0.0, 0.0, 0.0, 0.0, 10.0, 0.05)
 LOADED = tuple(FIGURES)
 PLAIN = LOADED[:-1]
 
@@ -65,6 +75,10 @@ class Excerpt:
     """Last physics step before each measurement, (T,)."""
     joint_pos: Array
     """Measured joint angles [rad], (T, n)."""
+    states: tuple[State, ...]
+    """Measurements, (T,)."""
+    commands: tuple[Command, ...]
+    """What was sent before each of them, (T,)."""
     parameters: DomainParameters
     """Nominal ones, with the flight's torque limit and supply."""
 
@@ -101,6 +115,8 @@ class Excerpt:
             target=np.repeat(sent["joint_pos"][first : end - 1], steps, axis=0),
             last=np.maximum(np.cumsum(steps) - 1, 0),
             joint_pos=angle[1:],
+            states=tuple(record.measurement(k) for k in range(first + 1, end)),
+            commands=tuple(record.command(k) for k in range(first, end - 1)),
             parameters=replace(nominal, voltage=np.full(POPULATION, supply)),
         )
 
@@ -112,14 +128,19 @@ class Replayer:
         """Build as many robots as a population has."""
         self.names = tuple(names)
         self._loads_gears = LOADED[-1] in self.names
-        self._world = World(_load_gears(world.robot), world.scene) if self._loads_gears else world
+        loaded = replace(world.robot, individual=Individual(load_friction=1e-9))
+        self._world = World(loaded, world.scene) if self._loads_gears else world
         self._sim = VecSim(self._world, POPULATION)
         self._qpos = self._world.robot.layout(self._world.model).qpos
 
     def measure(self, excerpts: Sequence[Excerpt], row: Array) -> float:
         """Measure the root mean square of the errors of joint angles with a row [mrad]."""
+        return 1e3 * float(np.sqrt(np.mean(self.measure_joints(excerpts, row) ** 2)))
+
+    def measure_joints(self, excerpts: Sequence[Excerpt], row: Array) -> Array:
+        """Measure the root mean square of the errors of each joint with a row [rad], (n,)."""
         errors = self.run(excerpts, np.tile(row, (POPULATION, 1)))[0]
-        return 1e3 * float(np.sqrt(np.mean(errors**2)))
+        return np.sqrt(np.mean(errors**2, axis=0))
 
     def run(self, excerpts: Sequence[Excerpt], rows: Array) -> Array:
         """Replay with rows of parameters, (P, k); return replayed minus measured angles, (P, T, n).
@@ -129,6 +150,13 @@ class Replayer:
         return np.concatenate([self._replay(each, rows) for each in excerpts], axis=1)
 
     def _replay(self, excerpt: Excerpt, rows: Array) -> Array:
+        qpos = self._simulate(excerpt, rows)[:, excerpt.last]
+        errors = np.nan_to_num(qpos[..., self._qpos] - excerpt.joint_pos, nan=0.0)
+        errors[self._sim.diverged] = MOST_ERROR
+        return np.clip(errors, -MOST_ERROR, MOST_ERROR)
+
+    def _simulate(self, excerpt: Excerpt, rows: Array) -> Array:
+        """Simulate with rows of parameters, (P, k); return MuJoCo positions, (P, S, nq)."""
         sim, model, nominal = self._sim, self._world.model, excerpt.parameters
         values = {name: np.full(POPULATION, one.nominal) for name, one in FIGURES.items()}
         values |= dict(zip(self.names, rows.T, strict=True))
@@ -150,43 +178,30 @@ class Replayer:
         before = np.floor(due).astype(int)
         share, after = (due - before)[..., None], np.minimum(before + 1, len(held) - 1)
         targets = (1.0 - share) * held[before] + share * held[after]
-        qpos = sim.advance(targets, 1, ("qpos",))["qpos"][:, excerpt.last]
-        errors = np.nan_to_num(qpos[..., self._qpos] - excerpt.joint_pos, nan=0.0)
-        errors[sim.diverged] = MOST_ERROR
-        return np.clip(errors, -MOST_ERROR, MOST_ERROR)
-
-
-def _load_gears(robot: Robot) -> Robot:
-    """Return a robot of which all gears have a friction that follows the load."""
-    joints = []
-    for joint in robot.joints:
-        own = joint.servo.model
-        loaded = replace(own, load_friction=max(own.load_friction, 1e-9))
-        joints.append(replace(joint, servo=replace(joint.servo, model=loaded)))
-    return replace(robot, joints=tuple(joints))
+        return sim.advance(targets, 1, ("qpos",))["qpos"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotFit:
-    """Parameters of one robot, and how far replays with them are from its flights."""
+    """What sets a robot apart, and how far replays with it are from its flights."""
 
-    parameters: dict[str, float]
-    """Those of `FIGURES`; friction by load, if it was chosen."""
-    intervals: dict[str, tuple[float, float]]
-    """95 % intervals, of refits without parts of the flights."""
+    individual: Individual
+    """With 95 % intervals, of refits without parts of the flights."""
     not_identified: tuple[str, ...]
-    """Parameters that the flights leave open."""
+    """Figures that the flights leave open."""
     fitted_gap_mrad: float
     """Root mean square of the errors of joint angles along the fitted flights."""
     gap_mrad: float
     """The same along the flights that are held out; without any, along the fitted ones."""
     catalog_gap_mrad: float
     """That of the robot as described."""
+    warnings: tuple[str, ...]
+    """What speaks for another cause than the figures."""
 
     @property
     def is_better(self) -> bool:
-        """Return whether the robot flew more like this than as described."""
-        return self.gap_mrad < self.catalog_gap_mrad
+        """Return whether the robot flew clearly more like this than as described."""
+        return self.gap_mrad < BETTER * self.catalog_gap_mrad
 
 
 def identify(
@@ -197,7 +212,7 @@ def identify(
     steps: int = STEPS,
     advance: Callable[[float], None] = lambda _: None,
 ) -> RobotFit:
-    """Fit the parameters of a robot, and those of refits without each part of the flights.
+    """Fit the figures of a robot as described, and those of refits without parts of the flights.
 
     Friction by load is fitted if it is better along the flights that are held out, or without any
     along the others. The errors of neighbouring samples are alike, so that the curvature of the
@@ -205,7 +220,11 @@ def identify(
     """
     parts_of = [np.arange(len(one.last)) * PARTS // len(one.last) for one in flights]
     part_of = np.concatenate(parts_of)  # of each measurement, (T,)
-    judged = held_out or flights
+    judged, described = held_out or flights, Replayer(world, PLAIN)
+    supply = _find_supply_resistance(world.robot, flights, part_of)
+    if supply is not None:
+        wired = Individual(supply_resistance=max(supply[0], 0.0))
+        world = World(world.robot.with_individual(wired), world.scene)
     plain, loaded = Replayer(world, PLAIN), Replayer(world, LOADED)
     start = np.array([one.start for one in FIGURES.values()])
     nominal = np.array([FIGURES[name].nominal for name in PLAIN])
@@ -225,9 +244,17 @@ def identify(
     reach = spread * student.ppf(0.5 + 0.5 * CONFIDENCE, PARTS - 1)
     figures = [FIGURES[name] for name in replayer.names]
     rows = list(zip(replayer.names, best.tolist(), reach.tolist(), figures, strict=True))
-    return RobotFit(
-        parameters={name: value for name, value, *_ in rows},
+    if supply is not None:
+        rows.append(("supply_resistance", max(supply[0], 0.0), supply[1], SUPPLY))
+    individual = Individual(
+        robot=world.robot.name,
         intervals={name: (value - half, value + half) for name, value, half, _ in rows},
+        **{name: value for name, value, *_ in rows},
+    )
+    turned = _find_tilt(World(replace(world.robot, individual=individual), world.scene), flights)
+    individual = replace(individual, imu_tilt=tuple(turned.tolist()))
+    return RobotFit(
+        individual=individual,
         not_identified=tuple(
             name
             for name, value, half, one in rows
@@ -235,8 +262,77 @@ def identify(
         ),
         fitted_gap_mrad=replayer.measure(flights, best),
         gap_mrad=replayer.measure(judged, best),
-        catalog_gap_mrad=plain.measure(judged, nominal),
+        catalog_gap_mrad=described.measure(judged, nominal),
+        warnings=tuple(find_warnings(world, individual, replayer.measure_joints(judged, best))),
     )
+
+
+def _find_supply_resistance(
+    robot: Robot, excerpts: Sequence[Excerpt], part_of: np.ndarray
+) -> tuple[float, float] | None:
+    """Find the resistance of the supply and half its 95 % interval [Ω] from voltage and currents.
+
+    None where the voltage was not measured, or the currents hardly vary.
+    """
+    current, voltage = list[Array](), list[Array]()
+    for one in excerpts:
+        states = one.states
+        volts = np.array([state.voltage for state in states])
+        torque = np.array([s.joint_current for s in states]) * robot.torque_per_ampere
+        speed = robot.transmission.to_actuator(np.array([s.joint_vel for s in states]))
+        drawn = robot.find_supply_current(np.maximum(volts, 1.0), torque, speed)
+        current.append(drawn - drawn.mean())
+        voltage.append(volts - volts.mean())
+    i, v = np.concatenate(current), np.concatenate(voltage)
+    if not np.all(np.isfinite(v)) or np.ptp(i) < LEAST_CURRENT or not np.any(v):
+        return None
+    found = [-float(i[k] @ v[k]) / float(i[k] @ i[k]) for k in (part_of != p for p in range(PARTS))]
+    spread = float(np.std(found)) * np.sqrt(PARTS - 1)
+    return float(np.mean(found)), spread * float(student.ppf(0.5 + 0.5 * CONFIDENCE, PARTS - 1))
+
+
+def _find_tilt(world: World, excerpts: Sequence[Excerpt]) -> Array:
+    """Find the rotation vector from the IMU's described mounting to the true one [rad], (3,).
+
+    Directions of gravity and rates that were measured are aligned with those of a twin, whose IMU
+    has the same errors while it is accelerated.
+    """
+    pairs: list[tuple[Array, Array]] = []
+    for one in excerpts:
+        voltage, mode = float(one.parameters.voltage[0]), int(one.parameters.limit_by[0])
+        twin = Twin(world, voltage=voltage, limit_by=LIMIT_MODES[mode])
+        twin.place(one.start)
+        with twin:
+            for command, state in zip(one.commands, one.states, strict=True):
+                twin.write(command)
+                ours = twin.read()
+                down = quaternion.gravity_in_body(np.array([ours.orientation, state.orientation]))
+                pairs += [tuple(down), (TURN_SCALE * ours.gyro, TURN_SCALE * state.gyro)]
+    ours, theirs = np.swapaxes(np.array(pairs), 0, 1)
+    return Rotation.align_vectors(ours, theirs)[0].as_rotvec()
+
+
+def find_warnings(world: World, found: Individual, joint_gaps: Array) -> Iterator[str]:
+    """Find what speaks for another cause; gaps are those of the joints [rad], (n,)."""
+    worst = int(joint_gaps.argmax())
+    usual = float(np.median(np.delete(joint_gaps, worst)))
+    if joint_gaps[worst] > max(WRONG_JOINT * usual, WRONG_GAP):
+        yield (
+            f"joint '{world.robot.joint_names[worst]}' is {1e3 * joint_gaps[worst]:.0f} mrad off, "
+            f"the others {1e3 * usual:.0f} mrad: check its servo type, P gain, horn, zero and sign"
+        )
+    if abs(found.mass - 1.0) > FAR_MASS:
+        yield f"mass is {found.mass:.2f} of the model's: weigh the robot, and correct its model"
+    if found.delay > MOST_LATE:
+        yield (
+            f"targets act {1e3 * found.delay:.0f} ms late: check the latency of the port, and "
+            "whether commands and measurements are logged by one clock"
+        )
+    if (tilt := float(np.linalg.norm(found.imu_tilt))) > MOST_TILT:
+        yield (
+            f"the torso turns {np.degrees(tilt):.0f}° otherwise than the IMU says: check its "
+            "mounting, and zeros and signs of the joints"
+        )
 
 
 def _fit(

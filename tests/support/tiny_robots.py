@@ -8,7 +8,8 @@ import mujoco
 from robots import Robot, load_robot
 from robots.body.parts import list_head_joints
 from robots.description.servo_catalog import servo_models
-from robots.reshaping.stretching import Skeleton, make_explicit
+from robots.individual import make_explicit
+from robots.reshaping.stretching import Skeleton
 
 ROW = (
     '  {{ name = "{name}", id = {id}, servo = "XM430-W350", sign = 1, zero_ticks = 2048, '

@@ -41,7 +41,7 @@ def find_saturation(
     Torques [N·m] and speeds [rad/s] of the actuators are (..., n). A torque limit below the
     torque-speed line of the supply is not saturation.
     """
-    stall = _find_stall(robot, voltage)
+    stall = robot.find_stall(voltage)
     line = find_available(robot, torque, velocity, voltage)
     return robot.trips & (np.abs(torque) >= np.maximum(SATURATED * line, 0.05 * stall))
 
@@ -52,11 +52,7 @@ def find_available(robot: Robot, torque: Array, velocity: Array, voltage: Array 
     It is the torque-speed line of a supply [V], (...), at the actuators' speeds [rad/s], (..., n).
     """
     along = np.maximum(np.sign(torque) * velocity, 0.0)
-    return np.maximum(_find_stall(robot, voltage) - robot.torque_speed_slope * along, 0.0)
-
-
-def _find_stall(robot: Robot, voltage: Array | float) -> Array:
-    return np.asarray(voltage)[..., None] / robot.nominal_voltage * robot.max_torque
+    return np.maximum(robot.find_stall(voltage) - robot.torque_speed_slope * along, 0.0)
 
 
 def find_longest(flags: NDArray[np.bool_]) -> NDArray[np.int_]:

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from tiny_robots import LEGS, build_skeleton, limb, make_robot
 
 from robots import BodyError, Robot
+from robots.individual import make_explicit
 from robots.quaternion import Array
 from robots.reshaping.reshape_model import find_directions
 from robots.reshaping.stretching import (
     AxialStretch,
     Inertia,
     Skeleton,
-    make_explicit,
     stretch_geom,
     stretch_link,
 )

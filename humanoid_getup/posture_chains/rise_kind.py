@@ -37,7 +37,7 @@ class KindNamer:
     def name(self, qpos: Array, start_class: str) -> str:
         """Name the postures after the start in MuJoCo positions, one a control period, (T, nq)."""
         step = max(round(SEEN_TIME / self._world.robot.control_period / 3.0), 1)
-        names = self.list_names(qpos[::step])
+        names = self._list_names(qpos[::step])
         seen = [name for name, run in groupby(names) if len([*run]) >= 3]
         seen = [name for name in seen if name not in (PASSING, start_class)]
         return ", ".join(dict.fromkeys(seen))
@@ -49,7 +49,7 @@ class KindNamer:
         passed = self.name(risen, trial.keyframes.start_class)
         return FOUND + (f", over {passed}" if passed else "")
 
-    def list_names(self, qpos: Array) -> list[str]:
+    def _list_names(self, qpos: Array) -> list[str]:
         """Name each posture in MuJoCo positions, (T, nq)."""
         features = self._meter.measure(qpos)
         on_soles = (features.flatness > ON_SOLES) & (features.offset < BALANCED)

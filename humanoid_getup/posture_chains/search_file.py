@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +15,7 @@ import numpy as np
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
-from humanoid_getup.posture_chains.resting_state import Archive, PostureChain, RestingState
+from humanoid_getup.posture_chains.resting_state import Archive, PostureChain
 from humanoid_getup.posture_chains.stored_states import (
     MEMBERS,
     MOVES,
@@ -36,9 +34,6 @@ VERSION = 8
 """Changes when files of earlier searches cannot be continued."""
 ARCHIVES = (MEMBERS, "draws", "chains", "risen", "paired")
 TEXTS = ("recipe", "rng", "counts")
-SIDES, LIMIT = "choice of sides", "torque limit"
-"""Keys of a recipe."""
-NO_LIMIT, UNIT_OF_LIMIT = "none", " N·m"
 BEGIN_AGAIN = "remove the file to begin again"
 REMEDY = f"give the same options and leave the robot as it was, or {BEGIN_AGAIN}"
 DAMAGE = (ValueError, KeyError, IndexError, TypeError, OverflowError, RecursionError)
@@ -70,56 +65,18 @@ class SearchCounts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sides: list[SideCounts]
 
 
-class StoredOptions(msgspec.Struct, frozen=True):
-    """Options of a search that is stored, read from its recipe."""
-
-    seed: Annotated[int, msgspec.Meta(ge=0, le=2**31)]
-    worlds: Annotated[int, msgspec.Meta(ge=1)]
-    sides: str = msgspec.field(name=SIDES)
-    limit: str = msgspec.field(name=LIMIT)
-
-    def __post_init__(self) -> None:
-        """Refuse a limit that is none."""
-        limit = self.torque_limit
-        if limit is not None and not (math.isfinite(limit) and limit > 0.0):
-            raise ValueError(f"the limit is {limit:g} N·m, expected one above 0")
-
-    @property
-    def torque_limit(self) -> float | None:
-        """Return the torque limit of every servo [N·m]; None without one."""
-        return None if self.limit == NO_LIMIT else float(self.limit.removesuffix(UNIT_OF_LIMIT))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FiledStates:
-    """What a search has filed so far."""
-
-    ways_up: list[RestingState]
-    sides: list[list[RestingState]]
-    """States that were reached from each side on which the robot stays."""
-    simulated: float
-    """[s]"""
-    options: StoredOptions
-
-
-def identify_world(world: World) -> Recipe:
-    """Describe the robot whose states a file holds."""
+def make_recipe(world: World, settings: SearchSettings, sides: Sequence[str], seed: int) -> Recipe:
+    """Describe what a search must have in common with a file to go on from it."""
+    limit = settings.limit.value
     return {
         "version": VERSION,
         "robot.toml or model": hashlib.sha256(world.content).hexdigest(),
         "robot": world.robot.name,
-    }
-
-
-def make_recipe(world: World, settings: SearchSettings, sides: Sequence[str], seed: int) -> Recipe:
-    """Describe what a search must have in common with a file to go on from it."""
-    limit = settings.limit.value
-    return identify_world(world) | {
         "seed": seed,
-        SIDES: ", ".join(sides),
+        "choice of sides": ", ".join(sides),
         "batch": settings.batch,
         "worlds": settings.worlds,
-        LIMIT: NO_LIMIT if limit is None else f"{limit:g}{UNIT_OF_LIMIT}",
+        "torque limit": "none" if limit is None else f"{limit:g} N·m",
     }
 
 
@@ -170,22 +127,13 @@ def _list_archives(discovery: ChainDiscovery) -> list[Archive]:
 
 def read_search(path: Path, recipe: Recipe) -> dict[str, Any]:
     """Read the arrays of a search's file; refuse another robot, version or seed."""
-    arrays, kept = _load(path)
+    with _naming_damage(path):
+        arrays = load_arrays(path, (*STATES, *MOVES, *ARCHIVES, *TEXTS), max_bytes=2**29)
+        kept = json.loads(to_text(arrays["recipe"], "recipe"))
+        if not isinstance(kept, dict):
+            raise ValueError(f"recipe is {shown(kept)}, expected a table")
     check_recipe(path, recipe, kept, REMEDY)
     return arrays
-
-
-def read_states(path: Path, world: World) -> FiledStates:
-    """Read what a search of a robot has filed, whatever its options are."""
-    arrays, kept = _load(path)
-    own = identify_world(world)
-    check_recipe(path, own, {key: kept.get(key) for key in own}, REMEDY)
-    with _naming_damage(path):
-        options = msgspec.convert(kept, StoredOptions)
-        ups, *sides = StoredStates(arrays, world, options.worlds).read_archives()
-        return FiledStates(
-            ways_up=ups, sides=sides, simulated=sum(_read_counts(arrays).simulated), options=options
-        )
 
 
 def restore_search(
@@ -197,16 +145,6 @@ def restore_search(
     """
     with _naming_damage(path):
         _restore(arrays, discovery, load)
-
-
-def _load(path: Path) -> tuple[dict[str, Any], Recipe]:
-    """Load the arrays and the recipe of a file."""
-    with _naming_damage(path):
-        arrays = load_arrays(path, (*STATES, *MOVES, *ARCHIVES, *TEXTS), max_bytes=2**29)
-        kept = json.loads(to_text(arrays["recipe"], "recipe"))
-        if not isinstance(kept, dict):
-            raise ValueError(f"recipe is {shown(kept)}, expected a table")
-    return arrays, kept
 
 
 @contextmanager
@@ -241,7 +179,7 @@ def _restore(
     paired = read_numbers("paired", (None, 2), count)
     ups.paired = {(stored.states[s], stored.states[u]) for s, u in paired}
     tools.rng.bit_generator.state = json.loads(to_text(arrays["rng"], "rng"))
-    counts = _read_counts(arrays)
+    counts = msgspec.convert(json.loads(to_text(arrays["counts"], "counts")), SearchCounts)
     rows = zip(sides, counts.kept, counts.turns, counts.sides, strict=True)
     for each, names, turn, row in rows:
         each.kept, each.search.turn = [load(name) for name in names], turn
@@ -267,7 +205,3 @@ def _restore_chains(stored: StoredStates, sides: list[SideSearch]) -> None:
             fallen=fallen,
         )
         (search.chains, search.untried)[kind].append(chain)
-
-
-def _read_counts(arrays: dict[str, Any]) -> SearchCounts:
-    return msgspec.convert(json.loads(to_text(arrays["counts"], "counts")), SearchCounts)

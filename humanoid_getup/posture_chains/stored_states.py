@@ -104,8 +104,8 @@ class StoredStates:
             )
         return numbers.astype(np.int_)
 
-    def read_archives(self, count: int | None = None) -> list[list[RestingState]]:
-        """Read the states of each archive: of ways up, then of each side; None for any count."""
+    def read_archives(self, count: int) -> list[list[RestingState]]:
+        """Read the states of each archive: of ways up, then of each side."""
         members = self.read_numbers(MEMBERS, (count, None), len(self.states))
         archives = [[self.states[k] for k in row if k != NOTHING] for row in members]
         if not all(archives):

@@ -63,8 +63,6 @@ class Page:
         """Posture from which a rise starts."""
         self.when_posed: list[Callable[[Posture], None]] = []
         """Called after the start has changed."""
-        self.hide_board: Callable[[], None] = lambda: None
-        """Hides the board that a tab has put behind the robot."""
         self.when_files_changed: list[Callable[[], None]] = []
         """Called after files were saved that another tab may open."""
         self.tabs: dict[str, Any] = {}

@@ -17,14 +17,12 @@ from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place_postures, read_posture
 from robots.quaternion import Array
-from robots.smooth_step import smooth_step
 
 if TYPE_CHECKING:
     from humanoid_getup.execution.rise import Rise
     from humanoid_getup.experiments.judging.outcome import Outcome
     from humanoid_getup.experiments.judging.record import Record
     from humanoid_getup.motions.motion import Motion
-    from humanoid_getup.studio.boards.state_board import MappedState
     from humanoid_getup.studio.follow_style import StyledRollout
 
 
@@ -88,10 +86,7 @@ class Take:
 WORST = 4
 """Number of joints whose load is plotted."""
 LEAST_LINE = 1e-6  # N·m; a servo at its no-load speed has no torque left
-MOVE_TIME = 0.6  # s in which a move is shown
-SAMPLES = 20  # of a move
 ON_LEVEL = "Recorded on level ground: the ground and the obstacles that are drawn were not there."
-BETWEEN = "Between resting postures the robot is interpolated, not simulated."
 IN_DEGREES = np.array([1.0, 180.0 / np.pi, 180.0 / np.pi])
 """Factors of the features of styles: a share of standing, and two angles [rad]."""
 TITLES = ("Neck height [share of standing]", "Side angle [deg]", "Front angle [deg]")
@@ -268,40 +263,6 @@ def _count(times: int) -> str:
     return "once" if times == 1 else f"{times} times"
 
 
-def place_way(world: World, searched: World, state: MappedState, spot: Posture) -> Array:
-    """Compute MuJoCo positions along the way of a state of a search, (moves + 1, nq).
-
-    Once it has reached the state, the robot is in the place of the posture ``spot``.
-    """
-    layout = world.robot.layout(searched.model)
-    root = state.qpos[:, layout.root_position].copy()
-    root[:, :2] += spot.position[:2] - root[state.row, :2]
-    attitude, joint_pos = state.qpos[:, layout.root_orientation], state.qpos[:, layout.qpos]
-    return place_postures(world.robot, world.model, root, attitude, joint_pos)
-
-
-def make_way_take(world: World, state: MappedState, way: Array) -> Take:
-    """Make the take of the way of a state, MuJoCo positions (moves + 1, nq)."""
-    time, at = _spread(state.moves)
-    return Take(
-        name=f"{state.side}, {state.moves} moves",
-        time=time,
-        qpos=_blend(world, way, at),
-        plots=(
-            Plot(
-                title="Neck height, share of standing",
-                curves={"neck": np.interp(at, np.arange(state.moves + 1.0), state.neck)},
-                limit=MIN_NECK_SHARE,
-            ),
-        ),
-        marks=tuple(
-            Mark(time=number * MOVE_TIME, text=f"move {number}, {kind}")
-            for number, kind in enumerate(state.kinds, start=1)
-        ),
-        facts=(str(state), BETWEEN),
-    )
-
-
 def make_motion_take(world: World, motion: Motion, start: Array) -> Take:
     """Make the take of a motion as it was recorded; it begins where positions (nq,) are."""
     share = motion.provenance.get("disturbed_success")
@@ -316,23 +277,6 @@ def make_motion_take(world: World, motion: Motion, start: Array) -> Take:
         marks=() if stand is None else (Mark(time=float(motion.time[0]) + stand, text="stands"),),
         facts=tuple(facts),
     )
-
-
-def _spread(moves: int) -> tuple[Array, Array]:
-    """Return the times of samples [s], and where along the moves they are, (T,) each."""
-    share = np.linspace(0.0, moves, moves * SAMPLES + 1)
-    done = np.floor(share)
-    return share * MOVE_TIME, done + smooth_step(share - done)
-
-
-def _blend(world: World, way: Array, at: Array) -> Array:
-    """Interpolate positions (moves + 1, nq) at places along the moves (T,), (T, nq)."""
-    before = np.minimum(at.astype(int), max(len(way) - 2, 0))
-    after, part = np.minimum(before + 1, len(way) - 1), (at - before)[:, None]
-    root = world.robot.layout(world.model).root_orientation
-    qpos = (1.0 - part) * way[before] + part * way[after]
-    qpos[:, root] = quaternion.slerp(way[before][:, root], way[after][:, root], part[:, 0])
-    return qpos
 
 
 def make_rollout_take(rollout: StyledRollout) -> Take:

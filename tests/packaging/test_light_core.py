@@ -5,7 +5,7 @@ import sys
 
 PROGRAM = """
 import importlib, pkgutil, sys
-extras = {"viser", "mjviser", "trimesh", "websockets", "mink", "qpsolvers", "av"}
+extras = {"viser", "mjviser", "websockets", "mink", "qpsolvers", "av"}
 extras |= {"mcap_ros2", "yaml", "mujoco_warp"}
 for package in ("robots", "drivers", "humanoid_getup"):
     path = importlib.import_module(package).__path__

@@ -15,8 +15,7 @@ from humanoid_getup.commands.options import write_command
 from humanoid_getup.commands.plan.extract_style import ExtractRequest, extract_style
 from humanoid_getup.commands.policies import list_styled_policies
 from humanoid_getup.motions.motion_database import list_motions
-from humanoid_getup.studio.boards.curve_board import CurveBoard, PointDrag
-from humanoid_getup.studio.boards.plot_board import BoardSwitch
+from humanoid_getup.studio.curve_board import CurveBoard, PointDrag
 from humanoid_getup.studio.folders import containing
 from humanoid_getup.studio.follow_style import (
     STANDS,
@@ -88,8 +87,9 @@ class StyleTab:
         self._policy = gui.add_dropdown("Policy", policies, initial_value=first)
         self._style = gui.add_dropdown("Preset", self._list_styles(), hint=STYLES)
         self._curves = gui.add_dropdown("Curves", self._name_curves(), hint=CURVES)
-        BoardSwitch(self._page, "Show curves", self.board)
+        self._shown = gui.add_checkbox("Show curves", False)
         self._page.add_button("Run", self._run, main=True)
+        self._page.on_change(self._shown, self._switch_board)
         self._page.on_change(self._policy, self._run_if_lying)
         self._page.on_change(self._style, lambda: self._begin(self._load(self._style.value)))
         self._page.on_change(self._curves, self._choose_curves)
@@ -319,6 +319,13 @@ class StyleTab:
         self._page.say(take.facts[0])
 
     # Display -----------------------------------------------------------------------------------
+
+    def _switch_board(self) -> None:
+        """Show the curves behind the posture of the page, or hide them."""
+        if self._shown.value:
+            self.board.put_up(self._page.start.position)
+        else:
+            self.board.hide()
 
     def _show(self) -> None:
         """Show the style, its curves, and the chosen point."""

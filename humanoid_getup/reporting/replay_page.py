@@ -35,7 +35,8 @@ COLORED = {name: f'<b style="color:{COLORS[name]}">{name}</b>' for name in (DESC
 SHADES = {"lying": "0.93", "standing": "#e8f4e8"}  # of phases
 WIDTH, PANEL, SHARPNESS = 10.4, 1.5, 130  # inches, inches, dots per inch
 STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1080px; margin: 2em auto }
+body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1080px; margin: 2em auto;
+  padding: 0 1em }
 h2 { font-size: 1.15em; margin: 2em 0 .4em; border-bottom: 1px solid #ddd }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums }
 th, td { padding: .12em .5em; text-align: right; white-space: nowrap }

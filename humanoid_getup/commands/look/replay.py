@@ -44,6 +44,7 @@ from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE_FILE
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
+from robots.individual import AS_DESCRIBED
 from robots.quaternion import Array
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
@@ -78,7 +79,7 @@ class ReplayedFlight:
 
     record: FlightRecord
     world: World
-    """The world of the twin, with the robot as described."""
+    """The world of the twin, with the robot as loaded."""
     twins: dict[str, ReplayReport]
     """Replay on the robot as described, and as identified if it was, by these words."""
     measured: FlightPostures
@@ -138,7 +139,8 @@ def replay_flight(
         record = FlightRecord.load(request.log)
         worlds = _load_worlds(request, record, folders)
         twins = {name: _replay(request, record, one, monitor) for name, one in worlds.items()}
-        world, compared = worlds[DESCRIBED], twins[DESCRIBED]
+        *_, world = worlds.values()
+        compared = twins[DESCRIBED]
         monitor.begin("comparing")
         flight = ReplayedFlight(
             record=record,
@@ -160,7 +162,7 @@ def _print(flight: ReplayedFlight, _: ReplayRequest, console: Console) -> None:
     record, twins = flight.record, flight.twins
     for name, report in twins.items():
         color = "red" if report.divergence else "green"
-        console.print(f"[bold {color}]{escape(report.headline)}[/] [dim]{name}")
+        console.print(f"[bold {color}]{escape(report.headline)}[/] [dim]({name})")
     console.print(f"[dim]log[/]  {escape(record.describe())}")
     headings, *rows = write_gaps(twins)
     gaps = make_table(headings, left=(headings[0], "most in"))
@@ -179,14 +181,18 @@ def _load_worlds(
 ) -> dict[str, World]:
     """Load the robot as described, and as identified if it was, into the scene."""
     body = Body.parse(str(record.about.get("body", "")))
-    robot = load_robot(request.robot or record.robot, body)
+    name = request.robot or record.robot
+    robot, own = load_robot(name, body, AS_DESCRIBED), load_robot(name, body)
     record.check_robot(robot)
     scene = request.scene or str(record.about.get("scene", "flat"))
     if request.scene is None and folders is not None and scene.endswith(SCENE_FILE):
         _check_place(record, scene, folders)
     seed = record.about.get("seed", 0)
     place = load_scene(scene, robot, seed if isinstance(seed, int) else 0)
-    return {DESCRIBED: World(robot, place)}
+    robots = {DESCRIBED: robot}
+    if not own.individual.is_as_described:
+        robots[IDENTIFIED] = own
+    return {name: World(each, place) for name, each in robots.items()}
 
 
 def _check_place(record: FlightRecord, scene: str, folders: Sequence[Path]) -> None:
@@ -229,12 +235,15 @@ def _write(flight: ReplayedFlight, out: Path, monitor: ProgressMonitor) -> tuple
 
 def _list_facts(flight: ReplayedFlight) -> dict[str, str]:
     record, robot = flight.record, flight.world.robot
+    figures = vars(replace(robot.individual, robot="", intervals={})).items()
+    identified = [f"{name} {value}" for name, value in figures if value != vars(AS_DESCRIBED)[name]]
     return {
         "log": f"{record.path.name}, {record.describe()}",
         "recorded": ", ".join(
             [record.started, *(f"{k} {v}" for k, v in record.about.items() if v)]
         ),
         "robot": f"{robot.name}, {str(robot.body) or 'original'} body",
+        "identified": ", ".join(identified) or "nothing",
         "scene": flight.scene,
         "supply": f"{flight.report.curves['supply [V]'][0]:.3g} V on the twin",
         "start": f"posture {flight.start}",

@@ -1,7 +1,6 @@
 """The page of a replay shows the gaps of both twins, and loads nothing."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,17 +10,14 @@ from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.reporting.replay import DESCRIBED, IDENTIFIED, ReplayReport, replay, write_gaps
 from humanoid_getup.reporting.replay_page import write_page
 from robots import Robot
+from robots.individual import Individual
 
 MARKUP, ESCAPED = "<b>fast</b>", "&lt;b&gt;fast&lt;/b&gt;"
 THRESHOLD = 0.005  # rad, which the robot as described exceeds
 
 
 def with_friction(robot: Robot, factor: float) -> Robot:
-    joints = []
-    for joint in robot.joints:
-        model = replace(joint.servo.model, friction=factor * joint.servo.model.friction)
-        joints.append(replace(joint, servo=replace(joint.servo, model=model)))
-    return replace(robot, joints=tuple(joints))
+    return robot.with_individual(Individual(robot=robot.name, friction=factor))
 
 
 @pytest.fixture(scope="module")

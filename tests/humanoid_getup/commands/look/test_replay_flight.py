@@ -24,6 +24,7 @@ from humanoid_getup.reporting.measured_flight import CutKind
 from humanoid_getup.scenes.named_scenes import FOLDER
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
+from robots.individual import Individual
 from robots.kinematics import lowest_points
 from robots.storage.encoding import to_json
 
@@ -56,6 +57,33 @@ def test_the_function_has_what_the_command_prints_and_writes(
     copy = pickle.loads(pickle.dumps(flight))
     np.testing.assert_array_equal(copy.measured.qpos, flight.measured.qpos)
     assert copy.describe() == flight.describe()
+
+
+def test_of_an_identified_robot_both_twins_and_the_share_of_the_gap_closed_are_told(
+    tiny: Robot, own_robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    true, found = (
+        Individual(robot="tiny", friction=factor, supply_resistance=1.0) for factor in (4.0, 3.5)
+    )
+    log = tmp_path / "f.mcap"
+    record_swing(log, tiny, twin_of(tiny.with_individual(true)), tiny.standing)
+    as_described = replayed(log).describe()
+    found.save(own_robot / "identified.toml", [])
+    words = ["replay", str(log), "--robot", str(own_robot), "--out", str(tmp_path / "out")]
+    assert main([*words, "--json", str(tmp_path / "r.json")]) == 0
+    figures = json.loads((tmp_path / "r.json").read_text())
+    identified = figures["identified"]
+    assert figures["rms_rad"] == as_described["rms_rad"] > 3.0 * identified["rms_rad"] > 0.0
+    assert identified["gap_closed"].keys() == {*figures["phases"], "flight"}
+    share = 1.0 - identified["rms_rad"] / figures["rms_rad"]
+    assert identified["gap_closed"]["flight"] == pytest.approx(share)
+    lines = capsys.readouterr().out.splitlines()
+    (row,) = [line.split() for line in lines if line.startswith("flight")]
+    assert (row[1], row[-1]) == (f"{1e3 * figures['rms_rad']:.1f}", f"{share:.0%}")
+    assert "friction 3.5" in (tmp_path / "out" / "replay.html").read_text()
+    twins = replay_flight(ReplayRequest(log=log, robot=str(own_robot))).twins.values()
+    sags = [np.ptp(twin.curves["supply [V]"]) for twin in twins]
+    assert sags[0] == 0.0 < sags[1], "resistance was identified"
 
 
 def test_the_measured_robot_lies_over_its_twin_where_both_moved_the_same(flight: ReplayedFlight):

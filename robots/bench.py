@@ -23,6 +23,7 @@ IMU_SITE = "imu"
 PLATE_MASS, PLATE_HEIGHT, PLATE_DEPTH = 100.0, 0.05, 0.2  # kg, m, m
 SPACING, HORN_HEIGHT = 0.1, 0.3  # m between two servos; m of their horns over the plate
 HORN_MASS, HORN_RADIUS = 0.01, 0.01  # kg, m
+MAX_MASS, MAX_ARM = 20.0, 2.0  # kg, m, of a load
 
 # A cycle's bytes may take this share of its period, and a period is at least as long as this.
 WIRE_SHARE, LEAST_PERIOD, PERIOD_STEP = 0.6, 0.01, 0.002
@@ -38,6 +39,20 @@ class Load:
     """[kg]; 0 for a bare horn."""
     arm: float = 0.1
     """Distance from the horn [m]."""
+
+    @classmethod
+    def parse(cls, text: str) -> Load:
+        """Read a load written as KG:M."""
+        try:
+            mass, arm = map(float, text.split(":"))
+        except ValueError:
+            mass, arm = math.nan, math.nan
+        if not (0.0 <= mass <= MAX_MASS and 0.0 < arm <= MAX_ARM):
+            raise ValueError(
+                f"--load is '{text}', expected KG:M, a mass of 0 to {MAX_MASS:g} kg and its "
+                f"distance from the horn, up to {MAX_ARM:g} m, such as 0.2:0.1"
+            )
+        return cls(mass=mass, arm=arm)
 
 
 BARE = Load()

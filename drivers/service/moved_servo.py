@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from drivers.state import Command, State
 from robots import Joint, Robot
 from robots.bench import ServoBench, choose_period, make_bench, make_bench_joint
 from robots.description.servo_catalog import servo_models
+from robots.servo import LimitMode
 from robots.smooth_step import smooth_step
 
 MARGIN_SHARE = 0.25  # of a bench's period, for which a reply may be late
@@ -27,12 +28,16 @@ PEAK_OF_SMOOTH_STEP = 1.5  # its largest slope
 
 
 def find_bench(
-    path: str, servo_id: int | None, baud: int | None, protocol: str | None
+    path: str,
+    servo_id: int | None,
+    baud: int | None,
+    protocol: str | None,
+    limit_by: LimitMode | None = None,
 ) -> tuple[ServoBench, Mapping[str, int]]:
     """Make a bench of one servo on a port; nothing is written, and the port is closed afterwards.
 
     Its range is that of the position limits that are stored in it. For the arguments see
-    `open_servo`.
+    `open_servo`; torque limits act on ``limit_by``, None for what suits the servo.
 
     Returns:
         The bench, and the stored settings that the driver changes before it moves the servo.
@@ -46,6 +51,7 @@ def find_bench(
         baud, reads = servo.bus.port.baud, count_reads([servo.table])
         period = choose_period(1, baud, read_latency(path), reads)
         bench = make_bench([facts.joint], baud=baud, control_period=period)
+        bench = replace(bench, limit_by=limit_by or bench.limit_by)
     return bench, list_eeprom_settings(facts, bench.limit_by)
 
 

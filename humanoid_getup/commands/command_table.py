@@ -94,9 +94,7 @@ COMMANDS = {
     "servo reboot": Entry("Restart a servo.", "servo.address"),
     "servo reset": Entry("Set a servo to the values as shipped.", "servo.address"),
     "identify": Entry("Identify the physics of servos and robots from logs."),
-    "identify servo": Entry(
-        "Identify motor and friction of a servo type from logs.", "robot.identify_servo"
-    ),
+    "identify servo": Entry("Identify motor and friction of a servo type.", "robot.identify_servo"),
     "identify robot": Entry(
         "Identify one robot from the flight logs of its own rises.", "robot.identify_robot"
     ),

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
-from robots.bench import IMU_SITE, Load, ServoBench, make_bench, make_bench_joint
+from robots.bench import IMU_SITE, MAX_ARM, MAX_MASS, Load, ServoBench, make_bench, make_bench_joint
 from robots.bus_settings import BusSettings
 from robots.description.schema import ControlPeriod, SupplyResistance, SupplyVoltage, complete_bus
 from robots.imu import ImuSettings, find_imu_problems
@@ -27,7 +27,6 @@ from robots.storage.validation import (
 
 BENCH = "bench"
 """Key of the servos; a robot.toml with it has no model."""
-MAX_MASS, MAX_ARM = 20.0, 2.0  # kg, m
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,9 +12,11 @@ from typing import Annotated, Any
 
 import msgspec
 import numpy as np
+from mcap.writer import MCAP0_MAGIC
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from drivers.flight_log.reader import FlightRecord
 from robots.quaternion import Array
 from robots.servo import PWM_FULL_SCALE, ServoModel
 from robots.storage.files import read_bounded
@@ -79,7 +81,7 @@ class _Entry(msgspec.Struct, frozen=True):
     load: float | None = None
 
 
-class _File(msgspec.Struct, frozen=True):
+class _File(msgspec.Struct, frozen=True, kw_only=True):
     """A log as bam writes it (https://github.com/Rhoban/bam)."""
 
     mass: Positive
@@ -89,34 +91,53 @@ class _File(msgspec.Struct, frozen=True):
     motor: str
     entries: list[_Entry]
     trajectory: str = ""
+    is_held: bool = False
+    """Whether each goal holds until the next; otherwise it moves on to that."""
+
+
+class _About(msgspec.Struct, frozen=True):
+    """What a flight log says of the servo and its load."""
+
+    servo: str
+    mass: Positive
+    arm: Annotated[float, Meta(gt=0.0, lt=10.0)]
+    hang: float
+    p_gain: Positive
+    trajectory: str
 
 
 def load_servo_log(path: Path) -> ServoLog:
-    """Load a log in bam's JSON, resampled.
+    """Load a flight log of `ServoRecorder`, or a log in bam's JSON, resampled.
 
     Raises:
         ValueError: if it is no such log, has gaps or other units, or torque was never on.
     """
     content = read_bounded(path, MOST_BYTES)
-    try:
-        file = msgspec.json.decode(content, type=_File)
-    except msgspec.DecodeError as error:
-        raise ValueError(f"{path}: {_explain(str(error))}") from error
+    if content.startswith(MCAP0_MAGIC):
+        file = _read_flight(path)
+    else:
+        try:
+            file = msgspec.json.decode(content, type=_File)
+        except msgspec.DecodeError as error:
+            raise ValueError(f"{path}: {_explain(str(error))}") from error
     if problem := _find_problem(file):
         raise ValueError(f"{path}: {problem}")
     entries = file.entries
     time = np.array([entry.timestamp for entry in entries])
     at = np.arange(time[0], time[-1], PERIOD)
 
-    def resample(values: list[Any]) -> Array:
-        return np.interp(at, time, np.array(values, dtype=float))
+    def resample(values: list[Any], *, holds: bool = False) -> Array:
+        column = np.array(values, dtype=float)
+        if holds:
+            return column[np.searchsorted(time, at + 0.5 * PERIOD, side="right") - 1]
+        return np.interp(at, time, column)
 
     duty = None
     if all(entry.load is not None for entry in entries):
         counts = np.array([entry.load for entry in entries], dtype=float)
         counts[counts > 1 << 15] -= 1 << 16  # negative ones are wrapped
         duty = resample((counts / PWM_FULL_SCALE).tolist())
-    torque_on = resample([entry.torque_enable for entry in entries]) > 0.5
+    torque_on = resample([entry.torque_enable for entry in entries], holds=file.is_held) > 0.5
     if not torque_on.any():
         raise ValueError(f"{path}: torque was never on: friction and motor cannot be told apart")
     return ServoLog(
@@ -124,7 +145,7 @@ def load_servo_log(path: Path) -> ServoLog:
         checksum=hashlib.sha256(content).hexdigest(),
         servo=file.motor,
         period=PERIOD,
-        goal=resample([entry.goal_position for entry in entries]),
+        goal=resample([entry.goal_position for entry in entries], holds=file.is_held),
         joint_pos=resample([entry.position for entry in entries]),
         torque_on=torque_on,
         start_speed=entries[0].speed,
@@ -134,6 +155,34 @@ def load_servo_log(path: Path) -> ServoLog:
         arm=file.length,
         trajectory=file.trajectory,
         duty=duty,
+    )
+
+
+def _read_flight(path: Path) -> _File:
+    """Read a flight log of a servo with a load; angles are from where the mass hangs."""
+    record = FlightRecord.load(path)
+    try:
+        about = msgspec.convert(record.about, _About)
+    except msgspec.ValidationError as error:
+        raise ValueError(
+            f"flight log {path}: {error}, expected one of a servo with a load, as getup identify "
+            "servo --port records them"
+        ) from error
+    if not record.cycles:
+        raise ValueError(f"flight log {path}: it has no cycle")
+    state, sent = record.state, record.sent
+    is_on = sent["torque_limit"][:, 0] > 0.0
+    goal, angle = sent["joint_pos"][:, 0] - about.hang, state["joint_pos"][:, 0] - about.hang
+    rows = (record.time, angle, goal, is_on, state["joint_vel"][:, 0])
+    return _File(
+        mass=about.mass,
+        length=about.arm,
+        kp=about.p_gain * float(sent["gain_scale"][0, 0]),
+        vin=float(np.mean(state["voltage"])),
+        motor=about.servo,
+        entries=[_Entry(*row) for row in zip(*(each.tolist() for each in rows), strict=True)],
+        trajectory=about.trajectory,
+        is_held=True,
     )
 
 

@@ -411,6 +411,11 @@ servo move --by 1 --joint l_knee --port none | --robot and --joint together
 servo move --by 1 --robot op3 --id 1 --port none | expected --joint
 servo move --by 1 --robot op3 --joint tail --port none | unknown joint 'tail'
 servo move --by 1 --port a,b | --port is a,b, expected one serial port
+identify servo --port none --id 1 | --load is missing, expected --port, --id, --load together
+identify servo --load 0.3:0.1 | --port and --id is missing
+identify servo --port none --id 1 --load 0.3 | --load is '0.3', expected KG:M | such as 0.2:0.1
+identify servo --port none --id 1 --load 0.3:0.1 | port none | does not exist
+identify servo --port none --id 1 --load 0.3:0.1 --out . | --out is ., which is not empty
 servo monitor --port none --seconds 1 | port none | does not exist
 servo setup --port none | standard input is not a terminal
 servo setup --port a,b | --port is a, b, expected for robot 'op3': --port main=PATH

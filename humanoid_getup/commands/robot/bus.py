@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -34,7 +33,6 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Joint, Posture, Robot
 from robots.bench import BARE, Load, ServoBench, make_bench, make_bench_joint
-from robots.description.bench_table import MAX_ARM, MAX_MASS
 from robots.description.servo_catalog import servo_models
 from robots.storage.validation import between
 
@@ -210,7 +208,7 @@ def _do(person: VirtualPerson, sentence: str) -> None:
 def _build_bench(words: Sequence[str], load: str | None) -> ServoBench:
     """Build the bench of --servos and --load."""
     servos = list_bench_servos(words)
-    hanging = BARE if load is None else _parse_load(load)
+    hanging = BARE if load is None else Load.parse(load)
     table = table_named(servos[0].servo.model.name)
     shipped = table.bauds[table["baud_rate"].default or 0]
     return make_bench(servos, baud=shipped, loads=[hanging] * len(servos))
@@ -244,17 +242,3 @@ def _find_type(name: str) -> str:
     if name in known or name not in table_names():
         return name
     return next((each for each in types_of(table_named(name)) if each in known), name)
-
-
-def _parse_load(text: str) -> Load:
-    """Read a load written as KG:M."""
-    try:
-        mass, arm = map(float, text.split(":"))
-    except ValueError:
-        mass, arm = math.nan, math.nan
-    if not (0.0 <= mass <= MAX_MASS and 0.0 < arm <= MAX_ARM):
-        raise ValueError(
-            f"--load is '{text}', expected KG:M, a mass of 0 to {MAX_MASS:g} kg and its distance "
-            f"from the horn, up to {MAX_ARM:g} m, such as 0.2:0.1"
-        )
-    return Load(mass=mass, arm=arm)

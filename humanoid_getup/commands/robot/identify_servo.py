@@ -14,7 +14,13 @@ from tyro.conf import Positional, arg
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import make_table
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError
-from humanoid_getup.commands.files import READ, Written
+from humanoid_getup.commands.files import (
+    FOLDER,
+    READ,
+    Written,
+    find_new_folder_problems,
+    staging,
+)
 from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.progress.callback import ProgressMonitor
 from robots.description.servo_catalog import (
@@ -24,9 +30,11 @@ from robots.description.servo_catalog import (
     write_servo_model,
 )
 from robots.servo import ServoModel
+from robots.storage.validation import between
 
 MARGIN = 0.98  # of the catalog's error, below which figures are better
 TOO_FAR = 0.1  # rad of error, beyond which the logs are not of such a servo
+OUT = Path("out/servo")
 LEAST_LOGS = 3  # for intervals, of refits without some of them
 
 
@@ -34,12 +42,24 @@ LEAST_LOGS = 3  # for intervals, of refits without some of them
 class FitServoRequest(CommandRequest):
     """Identify motor and friction of a servo type from logs of one that moves a mass on a lever.
 
-    Nested models of friction are fitted; the one with the smallest error on held-out logs is
-    chosen. Figures are written only if they are better there than those of the catalog.
+    With --port, logs are recorded first: in two minutes the servo moves the mass by up to 80° to
+    each side of where it hangs, guarded; a key stops it. Nested models of friction are fitted; the
+    one with the smallest error on held-out logs is chosen. Figures are written only if they are
+    better there than those of the catalog.
     """
 
-    logs: Annotated[Positional[tuple[Path, ...]], READ, arg(metavar="LOG...")]
-    """Logs in the JSON format of BAM."""
+    logs: Annotated[Positional[tuple[Path, ...]], READ, arg(metavar="LOG...")] = ()
+    """Flight logs of such recordings, or logs in the JSON format of BAM."""
+    port: Annotated[str | None, arg(metavar="PATH")] = None
+    """Serial port of a servo to record."""
+    id: Annotated[int | None, between(0, 253), arg(metavar="ID")] = None
+    """Id of the servo."""
+    load: Annotated[str | None, arg(metavar="KG:M")] = None
+    """Mass on its lever, and its distance from the horn."""
+    out: Annotated[Path | None, FOLDER, arg(metavar="DIR")] = None
+    """New folder for the recorded logs; default: out/servo."""
+    yes: bool = False
+    """Write what the servo keeps without power and the recording needs."""
     hold_out: Annotated[tuple[Path, ...], READ, arg(metavar="LOG,...")] = ()
     """Logs that are not fitted; default: each trajectory in turn."""
     servo: Annotated[str | None, arg(metavar="TYPE")] = None
@@ -49,8 +69,22 @@ class FitServoRequest(CommandRequest):
 
     def _find_problems(self) -> Iterator[str]:
         yield from super()._find_problems()
-        if len(self.logs) < LEAST_LOGS:
-            expected = f"expected {LEAST_LOGS} or more, of several trajectories and P gains"
+        given = {"--port": self.port, "--id": self.id, "--load": self.load}
+        missing = [name for name, value in given.items() if value is None]
+        if 0 < len(missing) < len(given):
+            yield f"{' and '.join(missing)} is missing, expected {', '.join(given)} together"
+        if self.load is not None:
+            from robots.bench import Load  # loads MuJoCo, which --help does without
+
+            try:
+                Load.parse(self.load)
+            except ValueError as error:
+                yield str(error)
+        if self.port is not None:
+            yield from find_new_folder_problems(self.out or OUT, "--out")
+        elif len(self.logs) < LEAST_LOGS:
+            expected = f"expected {LEAST_LOGS} or more, of several trajectories and P gains, or "
+            expected += "--port of a servo to record"
             yield f"logs to fit are {len(self.logs)}, {expected}"
         if both := set(self.logs) & set(self.hold_out):
             names = ", ".join(sorted(map(str, both)))
@@ -90,12 +124,13 @@ class IdentifiedServo:
 
 @command("identify servo", json=True)
 def identify_servo(request: FitServoRequest, monitor: ProgressMonitor) -> IdentifiedServo:
-    """Identify a servo type from logs."""
+    """Identify a servo type from logs, which are recorded first if there is a port."""
     from sim2real.identification.servo_fit import ServoFitter
     from sim2real.identification.servo_log import check_servo, find_warnings, load_servo_log
 
+    recorded = [] if request.port is None else _record(request, request.port, monitor)
     monitor.begin("reading")
-    logs = [load_servo_log(path) for path in request.logs]
+    logs = [load_servo_log(path) for path in (*request.logs, *recorded)]
     held_out = [load_servo_log(path) for path in request.hold_out]
     every = [*logs, *held_out]
     model = _choose_model(request, every[0].servo)
@@ -129,6 +164,35 @@ def identify_servo(request: FitServoRequest, monitor: ProgressMonitor) -> Identi
         doubt=doubt,
         written=request.write is not None and not doubt,
     )
+
+
+def _record(request: FitServoRequest, port: str, monitor: ProgressMonitor) -> list[Path]:
+    """Record the logs of a servo; return their paths."""
+    from drivers.safety_limits import GuardLimits
+    from drivers.service.moved_servo import find_bench, make_driver
+    from drivers.service.recorded_servo import ServoRecorder, check_recordable, list_recordings
+    from drivers.terminal_keys import StopKey
+    from humanoid_getup.commands.backends import CancellableGuard
+    from robots.bench import Load
+    from robots.bus_settings import MAIN_PORT
+
+    monitor.begin("searching")
+    load = Load.parse(request.load or "")
+    bench, kept = find_bench(port, request.id, None, None, limit_by="pwm")
+    name = bench.joints[0].servo.model.name
+    if request.servo not in (None, name):
+        raise BadInputError(f"--servo is {request.servo}, expected {name}, that on the port")
+    check_recordable(bench, load)
+    if kept and not request.yes:
+        listed = ", ".join(f"{register} = {value}" for register, value in kept.items())
+        raise BadInputError(f"the servo has to keep {listed} without power: --yes writes that")
+    driver = make_driver(bench, {MAIN_PORT: port})
+    guard = CancellableGuard(driver, GuardLimits.of(bench), monitor.check)
+    recorder = ServoRecorder(guard=guard, load=load, tell=monitor.tell)
+    names, out = list_recordings(bench), request.out or OUT
+    with StopKey(guard.stop), staging(out, tuple(names)) as folder:
+        recorder.record(folder, monitor.count("recording", len(names)))
+    return [out / name for name in names]
 
 
 def _find_doubt(identified: ServoModel, error: float, catalog: float) -> str:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from servo_logs import SHEET, record_servo, write_servo_log
 
+from drivers.flight_log.writer import FlightLog
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.robot.identify_servo import FitServoRequest, identify_servo
+from robots.bench import make_bench, make_bench_joint
 from robots.quaternion import Array
 from robots.servo import PWM_FULL_SCALE
 from sim2real.identification.servo_log import ServoLog, find_warnings, load_servo_log
@@ -56,6 +58,19 @@ def test_a_log_that_cannot_be_used_is_refused_in_one_line(logs: list[ServoLog], 
         (tmp_path / "text.json").write_bytes(content)
         with pytest.raises(ValueError, match="expected a servo log"):
             load_servo_log(tmp_path / "text.json")
+
+
+def test_a_flight_log_without_a_load_or_a_cycle_is_refused(tmp_path: Path):
+    bench = make_bench([make_bench_joint(SHEET, 1)], baud=1_000_000)
+    load = {"servo": SHEET.name, "mass": 1.0, "arm": 0.1, "hang": 0.0, "p_gain": 800}
+    for about, expected in (
+        ({"scene": "flat"}, "missing required field `servo`, expected one of a servo with a load"),
+        (load | {"trajectory": "drop"}, "it has no cycle"),
+    ):
+        with FlightLog(tmp_path / "flight.mcap", bench, about=about) as log:
+            pass
+        with pytest.raises(ValueError, match=expected):
+            load_servo_log(log.path)
 
 
 def test_the_command_refuses_what_it_cannot_identify(logs: list[ServoLog], tmp_path: Path):

@@ -20,7 +20,7 @@ from robots.servo import LIMIT_MODES, LimitMode
 THRESHOLD = 0.05  # rad, 3 degrees: above the effect of encoders, backlash and one late cycle
 PHASES = ("lying", "rising", "standing")
 FLIGHT = "flight"
-DESCRIBED, IDENTIFIED = "as described", "as identified"  # twins
+TWINS = DESCRIBED, IDENTIFIED = "as described", "as identified"
 CYCLES_EACH = 100  # after which progress is reported
 LONGEST_GAP = 5.0  # s without a cycle, for which the twin holds the last command
 
@@ -225,11 +225,9 @@ def _write_gap(report: ReplayReport, span: str) -> tuple[str, str, str]:
 
 def find_closed(described: ReplayReport, identified: ReplayReport) -> dict[str, float]:
     """Compute the share of each gap of joints that the second twin lacks; negative for more."""
-    sizes = [
-        {span: float(np.linalg.norm(gap[:-1])) for span, gap in twin.gaps.items()}
-        for twin in (described, identified)
-    ]
-    return {k: 1.0 - sizes[1][k] / size if size else 0.0 for k, size in sizes[0].items()}
+    pairs = {k: (gap[:-1], identified.gaps[k][:-1]) for k, gap in described.gaps.items()}
+    sizes = {k: np.linalg.norm(pair, axis=1) for k, pair in pairs.items()}
+    return {k: float(1.0 - after / gap) if gap else 0.0 for k, (gap, after) in sizes.items()}
 
 
 def _find_phases(record: FlightRecord) -> Integers:

@@ -13,14 +13,7 @@ import numpy as np
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.reporting.figure import make_figure, open_frame
 from humanoid_getup.reporting.plots import draw_flight, draw_followed
-from humanoid_getup.reporting.replay import (
-    DESCRIBED,
-    IDENTIFIED,
-    PHASES,
-    ReplayReport,
-    read_curves,
-    write_gaps,
-)
+from humanoid_getup.reporting.replay import TWINS, ReplayReport, read_curves, write_gaps
 from robots.quaternion import Array
 
 if TYPE_CHECKING:  # matplotlib is slow to import
@@ -30,13 +23,12 @@ Twins = Mapping[str, ReplayReport]
 Panel = tuple[str, Mapping[str, Array]]
 PLOTTED = 6  # joints, those that differ most
 MEASURED, TARGET = "measured", "target"
-COLORS = {TARGET: "0.7", MEASURED: "black", DESCRIBED: "#d95f02", IDENTIFIED: "#1f78b4"}
-COLORED = {name: f'<b style="color:{COLORS[name]}">{name}</b>' for name in (DESCRIBED, IDENTIFIED)}
-SHADES = {"lying": "0.93", "standing": "#e8f4e8"}  # of phases
+COLORS = {TARGET: "0.7", MEASURED: "black", TWINS[0]: "#d95f02", TWINS[1]: "#1f78b4"}
+COLORED = {name: f'<b style="color:{COLORS[name]}">{name}</b>' for name in TWINS}
+SHADES = {0: "0.93", 2: "#e8f4e8"}  # of lying and standing, by their places in `PHASES`
 WIDTH, PANEL, SHARPNESS = 10.4, 1.5, 130  # inches, inches, dots per inch
 STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1080px; margin: 2em auto;
-  padding: 0 1em }
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 1080px; margin: 2em auto; padding: 0 1em }
 h2 { font-size: 1.15em; margin: 2em 0 .4em; border-bottom: 1px solid #ddd }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums }
 th, td { padding: .12em .5em; text-align: right; white-space: nowrap }
@@ -47,9 +39,8 @@ th, .text td:first-child, small { color: #666; font-weight: normal }
 img { width: 100% }
 """
 CAPTION = (
-    "RMS of measured minus replayed joint angles, the joint that differs most, and the tilt of "
-    "the torso. Lying (gray in the plots): until torque comes on; standing (green): once the torso "
-    "stays upright."
+    "RMS of measured minus replayed joint angles, the joint that differs most, the torso's tilt. "
+    "Lying (gray in the plots): until torque comes on; standing (green): once it stays upright."
 )
 
 
@@ -64,7 +55,6 @@ def write_page(record: FlightRecord, twins: Twins, facts: Mapping[str, str]) -> 
     title = escape(f"{record.robot}, {record.path.name}: robot and twin")
     found = (f"{COLORED[name]}: {escape(twin.headline)}." for name, twin in twins.items())
     events = [(f"{one.time - record.time[0]:.2f} s", one.kind, one.text) for one in record.events]
-    style = draw_followed(record)
     parts = [
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>',
         f"<style>{STYLE}</style><h1>{title}</h1><p>{'<br>'.join(found)}</p>",
@@ -80,7 +70,7 @@ def write_page(record: FlightRecord, twins: Twins, facts: Mapping[str, str]) -> 
         "<h2>Flight as logged</h2>",
         _make_table(events, 'class="text"'),
         _embed(draw_flight(record)),
-        *(["<h2>Style that was followed</h2>", _embed(style)] if style else []),
+        *(["<h2>Style</h2>", _embed(style)] if (style := draw_followed(record)) else []),
     ]
     return "\n".join(parts)
 
@@ -142,12 +132,13 @@ def _draw(twins: Twins, rows: Sequence[Sequence[Panel]]) -> str:
         axes.flat, (each for row in rows for each in row), strict=True
     ):
         for phase, color in SHADES.items():
-            within = time[report.phase == PHASES.index(phase)]
+            within = time[report.phase == phase]
             if len(within):
                 axis.axvspan(within[0], within[-1], color=color, linewidth=0)
         for name, curve in curves.items():
-            width = 2.0 if name == MEASURED else 1.1
-            axis.plot(time, curve, color=COLORS[name], linewidth=width, label=name)
+            axis.plot(
+                time, curve, color=COLORS[name], linewidth=1.1 + (name == MEASURED), label=name
+            )
         axis.set_ylabel(label, fontsize=8)
         axis.tick_params(labelsize=8)
         axis.set_xlim(0.0, max(float(time[-1]), 1e-3))

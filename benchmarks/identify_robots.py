@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,16 @@ import tyro
 from scipy.spatial.transform import Rotation
 from script import Options, counting, write_results
 
-from drivers import SafetyGuard, Twin, run
+from drivers import SafetyGuard, run
 from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
+from humanoid_getup.commands.backends import open_backend
+from humanoid_getup.commands.options import BackendOptions
 from humanoid_getup.experiments.falls import find_rest
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.play import MotionPlayer
 from humanoid_getup.simulation.world import World
+from robots import TorqueLimit
 from robots.individual import AS_DESCRIBED, Individual
 from sim2real.identification.flight_fit import LENGTH, Excerpt, identify
 
@@ -57,6 +60,8 @@ class IdentifyOptions(Options):
     """Altered robots."""
     load: bool = False
     """Whether they have friction by load, too."""
+    bus: bool = False
+    """Whether they are behind a virtual bus."""
 
 
 def main(options: IdentifyOptions) -> None:
@@ -70,14 +75,16 @@ def main(options: IdentifyOptions) -> None:
             }
             figures |= {"load_friction": rng.uniform(0.05, 0.25)} if options.load else {}
             truth = Individual(**figures, imu_tilt=tuple(rng.normal(0.0, TILT, 3).tolist()))
-            cases[f"robot {number}"] = measure(world, truth if number else AS_DESCRIBED)
+            cases[f"robot {number}"] = measure(
+                world, truth if number else AS_DESCRIBED, options.bus
+            )
             count(1)
     write_results(options.describe("identify", options.n) | {"cases": cases}, FIGURES, options.json)
 
 
-def measure(world: World, truth: Individual) -> dict[str, Any]:
+def measure(world: World, truth: Individual, bus: bool) -> dict[str, Any]:
     """Fly two rises of an altered robot, identify it from one, and compare."""
-    fitted, held_out = (fly(world, truth, motion) for motion in (FITTED, HELD_OUT))
+    fitted, held_out = (fly(world, truth, motion, bus) for motion in (FITTED, HELD_OUT))
     began = time.process_time()
     fit = identify(world, [fitted], [held_out])
     spent = time.process_time() - began
@@ -103,17 +110,25 @@ def measure(world: World, truth: Individual) -> dict[str, Any]:
     }
 
 
-def fly(world: World, truth: Individual, name: str) -> Excerpt:
-    """Let a robot rise by a motion, open loop, and return the flight."""
+def fly(world: World, truth: Individual, name: str, bus: bool = False) -> Excerpt:
+    """Let a robot rise by a motion, open loop, and return the flight.
+
+    It is a twin, or it is behind a virtual bus.
+    """
     motion = next(m for m in load_database(world.robot).motions if m.name == name)
     start = find_rest(world, motion.posture(0))
-    twin = Twin(World(replace(world.robot, individual=truth), world.scene))
-    twin.place(start)
-    with tempfile.TemporaryDirectory() as folder:
+    true = World(world.robot.with_individual(truth), world.scene)
+    request = BackendOptions(robot=str(true.robot.folder), backend="virtual" if bus else "twin")
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        open_backend(request, true, TorqueLimit().on(true.robot)) as opened,
+    ):
+        assert opened.place is not None
+        opened.place(start)
         path = Path(folder) / "flight.mcap"
         player = MotionPlayer(world.robot, motion, hold=0.0)
         with FlightLog(path, world.robot, start=start) as log:
-            run(player, SafetyGuard(twin), max_time=LENGTH + 0.1, on_cycle=log.log)
+            run(player, SafetyGuard(opened.backend), max_time=LENGTH + 0.1, on_cycle=log.log)
         return Excerpt.of(FlightRecord.load(path), world)
 
 

@@ -136,7 +136,7 @@ class VecSim:
         is_ideal = self.gears.is_constant and not self.robot.supply_resistance
         if is_ideal or targets.shape[1] == 1:
             return self._roll_out(targets, hold, record, ids)
-        diverged, rolled = np.zeros(len(targets), dtype=bool), list[dict[str, Array]]()
+        diverged, rolled = np.zeros(self.n, dtype=bool), list[dict[str, Array]]()
         for k in range(targets.shape[1]):
             rolled.append(self._roll_out(targets[:, k : k + 1], hold, record, ids))
             diverged |= self.diverged

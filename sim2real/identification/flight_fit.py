@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
 
@@ -35,7 +36,9 @@ PARTS, CONFIDENCE = 4, 0.95
 BETTER = 0.9  # of the gap, below which friction by load has to bring it
 TURN_SCALE = 0.5  # s, by which rates are multiplied that are aligned beside unit vectors
 MOST_TILT = np.radians(15.0)  # of the IMU's mounting
-LEAST_CURRENT = 2.0  # A of the supply, by which it has to vary
+SUPPLY_WIDTHS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.6  # s, over which a bus averages voltages
+LEAST_CURRENT = 1.0  # A of the supply, by which it has to vary
+LEAST_SHARE = 0.5  # of the voltage's variance that it explains
 WRONG_JOINT, WRONG_GAP = 3.0, 0.03  # times the median joint's gap, and rad
 MOST_LATE, FAR_MASS = 0.016, 0.25  # s; share of the mass
 
@@ -221,7 +224,7 @@ def identify(
     parts_of = [np.arange(len(one.last)) * PARTS // len(one.last) for one in flights]
     part_of = np.concatenate(parts_of)  # of each measurement, (T,)
     judged, described = held_out or flights, Replayer(world, PLAIN)
-    supply = _find_supply_resistance(world.robot, flights, part_of)
+    supply = find_supply_resistance(world.robot, flights, part_of)
     if supply is not None:
         wired = Individual(supply_resistance=max(supply[0], 0.0))
         world = World(world.robot.with_individual(wired), world.scene)
@@ -267,28 +270,44 @@ def identify(
     )
 
 
-def _find_supply_resistance(
+def find_supply_resistance(
     robot: Robot, excerpts: Sequence[Excerpt], part_of: np.ndarray
 ) -> tuple[float, float] | None:
     """Find the resistance of the supply and half its 95 % interval [Ω] from voltage and currents.
 
-    None where the voltage was not measured, or the currents hardly vary.
+    A bus reads the voltages of all servos in turn, and their mean follows the current late: that
+    is averaged over the time that fits best. None where the voltage hardly follows the current.
     """
-    current, voltage = list[Array](), list[Array]()
-    for one in excerpts:
-        states = one.states
-        volts = np.array([state.voltage for state in states])
-        torque = np.array([s.joint_current for s in states]) * robot.torque_per_ampere
-        speed = robot.transmission.to_actuator(np.array([s.joint_vel for s in states]))
-        drawn = robot.find_supply_current(np.maximum(volts, 1.0), torque, speed)
-        current.append(drawn - drawn.mean())
-        voltage.append(volts - volts.mean())
-    i, v = np.concatenate(current), np.concatenate(voltage)
-    if not np.all(np.isfinite(v)) or np.ptp(i) < LEAST_CURRENT or not np.any(v):
+    fits = [_compare_supply(robot, excerpts, width) for width in SUPPLY_WIDTHS]
+    share, i, v = max(fits, key=lambda fit: fit[0])
+    if share < LEAST_SHARE:
         return None
     found = [-float(i[k] @ v[k]) / float(i[k] @ i[k]) for k in (part_of != p for p in range(PARTS))]
     spread = float(np.std(found)) * np.sqrt(PARTS - 1)
     return float(np.mean(found)), spread * float(student.ppf(0.5 + 0.5 * CONFIDENCE, PARTS - 1))
+
+
+def _compare_supply(
+    robot: Robot, excerpts: Sequence[Excerpt], width: float
+) -> tuple[float, Array, Array]:
+    """Return how well voltage follows current averaged over a time [s], and both about a mean.
+
+    That is the share of the voltage's variance that a straight line explains.
+    """
+    current, voltage = list[Array](), list[Array]()
+    for one in excerpts:
+        volts = np.array([state.voltage for state in one.states])
+        torque = np.array([s.joint_current for s in one.states]) * robot.torque_per_ampere
+        speed = robot.transmission.to_actuator(np.array([s.joint_vel for s in one.states]))
+        drawn = robot.find_supply_current(np.maximum(volts, 1.0), torque, speed)
+        count = max(round(width / robot.control_period), 1)
+        drawn = uniform_filter1d(drawn, count, origin=(count - 1) // 2, mode="nearest")
+        current.append(drawn - drawn.mean())
+        voltage.append(volts - volts.mean())
+    i, v = np.concatenate(current), np.concatenate(voltage)
+    if not np.all(np.isfinite(v)) or not np.any(v) or np.ptp(i) < LEAST_CURRENT or i @ v >= 0.0:
+        return 0.0, i, v
+    return float((i @ v) ** 2 / ((i @ i) * (v @ v))), i, v
 
 
 def _find_tilt(world: World, excerpts: Sequence[Excerpt]) -> Array:

@@ -122,3 +122,14 @@ def test_the_file_is_read_beside_the_calibration(tmp_path: Path, tiny: Robot):
         with pytest.raises(RobotError, match="make a new one: getup identify robot") as refused:
             load_robot(own)
         assert problem in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_some_of_many_robots_may_be_stepped(tiny: Robot):
+    world = World(tiny.with_individual(Individual(load_friction=0.1)))
+    many = VecSim(world, 3)
+    many.place(many.everyone, np.tile(place(tiny, world.model, tiny.standing), (3, 1)))
+    some = np.array([0, 2])
+    before = many.qpos
+    many.advance(np.full((2, 3, tiny.n), 0.3), 4, ids=some)
+    assert many.diverged.shape == (3,) and not many.diverged.any()
+    assert np.array_equal(many.qpos[1], before[1]) and not np.array_equal(many.qpos[2], before[2])

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flight_recording import make_cycle, record_swing, write_flight
+from identify_robots import FITTED
+from identify_robots import fly as fly_rise
 from paths import TINY
 
 from drivers import Cycle, Twin
@@ -24,6 +26,7 @@ from sim2real.identification.flight_fit import (
     PLAIN,
     Excerpt,
     Replayer,
+    find_supply_resistance,
     find_warnings,
     identify,
 )
@@ -63,6 +66,18 @@ def test_an_altered_robot_is_identified(tiny: Robot, tmp_path: Path):
         assert getattr(fit.individual, name) == pytest.approx(getattr(TRUTH, name), abs=off), name
         assert name not in fit.not_identified
     assert fit.individual.imu_tilt == pytest.approx(TRUTH.imu_tilt, abs=0.02)
+
+
+def test_a_robot_on_the_virtual_bus_is_replayed_and_its_wires_are_found(op3: Robot):
+    truth = Individual(strength=0.9, delay=0.008, supply_resistance=0.1)
+    flown = fly_rise(World(op3), truth, FITTED, bus=True)
+    quarter = np.arange(len(flown.last)) * 4 // len(flown.last)
+    found = find_supply_resistance(op3, [flown], quarter)
+    assert found is not None and found[0] == pytest.approx(0.1, abs=0.03)
+    known = World(op3.with_individual(Individual(supply_resistance=0.1)))
+    row = np.array([0.9, 1.0, 1.0, 0.008, 0.0])
+    gap = Replayer(known, PLAIN).measure([flown], row)
+    assert gap < 1.0 < 10.0 < Replayer(World(op3), PLAIN).measure([flown], nominal())
 
 
 def test_friction_by_load_is_found(tiny: Robot, tmp_path: Path):

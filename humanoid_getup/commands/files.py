@@ -22,7 +22,7 @@ STANDARD_OUTPUT = "-"
 SCRATCH = ".getup-"
 ROBOT_FILES = (
     *("robot.toml", "servos.toml", "keyframes.toml"),
-    *("calibration.toml", "calibration.virtual.toml"),
+    *("calibration.toml", "calibration.virtual.toml", "identified.toml"),
 )
 ROBOT_SUFFIXES = (".xml", ".stl", ".obj", ".msh")
 MADE_FOLDERS, MADE_SUFFIXES = ("motions", "policies", "unfinished"), (".npz", ".onnx", ".toml")

@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.bus import ANSWER_MARGIN
+from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.configuration import list_eeprom_settings
 from drivers.dynamixel.control_table import types_of
 from drivers.dynamixel.cyclic_read import count_reads
@@ -145,10 +146,13 @@ class MoveController:
         return Command.position(self._robot, target, self._torque)
 
 
-def make_driver(robot: Robot, ports: Mapping[str, str]) -> DynamixelBackend:
-    """Make the driver of a robot or a bench, not connected yet."""
+def make_driver(
+    robot: Robot, ports: Mapping[str, str], clock: Clock | None = None
+) -> DynamixelBackend:
+    """Make the driver of a robot or a bench, not connected yet; without a clock in wall time."""
     margin = None
-    if isinstance(robot, ServoBench):  # beside any other work
+    if isinstance(robot, ServoBench) and clock is None:  # beside any other work
         margin = max(ANSWER_MARGIN, MARGIN_SHARE * robot.control_period)
     options = DriverOptions(answer_margin=margin)
-    return DynamixelBackend(robot, ports, without_imu=robot.imu_kind is None, options=options)
+    without_imu = robot.imu_kind is None
+    return DynamixelBackend(robot, ports, clock=clock, without_imu=without_imu, options=options)

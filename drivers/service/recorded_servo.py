@@ -80,6 +80,8 @@ class ServoRecorder:
     guard: SafetyGuard
     """Guards the driver of a bench of one servo, not connected yet."""
     load: Load
+    realtime: bool
+    """Whether cycles keep the deadlines of the wall clock."""
     tell: Callable[[str], None]
     """Shows a line to a person."""
 
@@ -93,7 +95,7 @@ class ServoRecorder:
         robot = self.guard.robot
         servo = robot.joints[0].servo
         about = {"servo": servo.model.name, "p_gain": servo.p_gain} | asdict(self.load)
-        with engaged(self.guard, realtime=True):
+        with engaged(self.guard, realtime=self.realtime):
             hang = self._find_hang()
             reach = self._find_reach(hang)
             for file, (name, share) in list_recordings(robot).items():
@@ -151,7 +153,7 @@ class ServoRecorder:
                 log(cycle)
 
         report = run_engaged(
-            controller, self.guard, max_time=math.inf, realtime=True, on_cycle=note
+            controller, self.guard, max_time=math.inf, realtime=self.realtime, on_cycle=note
         )
         if report.ending is Ending.INTERRUPTED:
             raise KeyboardInterrupt

@@ -168,6 +168,7 @@ def identify_servo(request: FitServoRequest, monitor: ProgressMonitor) -> Identi
 
 def _record(request: FitServoRequest, port: str, monitor: ProgressMonitor) -> list[Path]:
     """Record the logs of a servo; return their paths."""
+    from drivers.dynamixel.clock import CycleClock
     from drivers.safety_limits import GuardLimits
     from drivers.service.moved_servo import find_bench, make_driver
     from drivers.service.recorded_servo import ServoRecorder, check_recordable, list_recordings
@@ -187,8 +188,12 @@ def _record(request: FitServoRequest, port: str, monitor: ProgressMonitor) -> li
         listed = ", ".join(f"{register} = {value}" for register, value in kept.items())
         raise BadInputError(f"the servo has to keep {listed} without power: --yes writes that")
     driver = make_driver(bench, {MAIN_PORT: port})
+    with driver:
+        waits = driver.waits_for_commands()
+    if waits:  # as a virtual bus in lock-step does
+        driver = make_driver(bench, {MAIN_PORT: port}, CycleClock())
     guard = CancellableGuard(driver, GuardLimits.of(bench), monitor.check)
-    recorder = ServoRecorder(guard=guard, load=load, tell=monitor.tell)
+    recorder = ServoRecorder(guard=guard, load=load, realtime=not waits, tell=monitor.tell)
     names, out = list_recordings(bench), request.out or OUT
     with StopKey(guard.stop), staging(out, tuple(names)) as folder:
         recorder.record(folder, monitor.count("recording", len(names)))

@@ -9,7 +9,7 @@ import pytest
 from bus_stories import Served, run_json, serving
 from nonempty import nonempty
 
-from drivers import control_loop
+from drivers.dynamixel import backend
 from drivers.dynamixel import bus as bus_module
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
@@ -41,10 +41,10 @@ HIDDEN = {
 
 @pytest.fixture(autouse=True)
 def hurry(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Record shorter motions with two gains, in the time of the bus."""
+    """Record shorter motions with two gains."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(bus_module, "PING_SLOT", 0.001)
-    monkeypatch.setattr(control_loop.Pacer, "wait", lambda _: None)
+    monkeypatch.setattr(backend, "STILL", 0.001)
     for name, value in {"LENGTH": 1.5, "P_GAINS": (0.4, 1.0), "REST_TIME": 0.25}.items():
         monkeypatch.setattr(recorded_servo, name, value)
 
@@ -66,7 +66,7 @@ def serving_lever(baud: int = 1_000_000) -> Iterator[Served]:
     bench = make_bench([joint], baud=baud, loads=[LOAD])
     with serving(bench) as served, pytest.MonkeyPatch.context() as patch:
 
-        def make_driver(robot: ServoBench, _ports: object) -> DynamixelBackend:
+        def make_driver(robot: ServoBench, *_: object) -> DynamixelBackend:
             options = DriverOptions(make_port=served.make_port)
             ports = {"main": served.path}
             return DynamixelBackend(
@@ -172,7 +172,7 @@ def test_a_hot_servo_pauses_until_it_is_cool_or_ends_the_recording(
         served.poke("servo_1", "max_position_limit", HANGING + 400)
         bench, _ = find_bench(served.path, 1, None, None, limit_by="pwm")
         guard = SafetyGuard(moved_servo.make_driver(bench, {}))
-        recorder = ServoRecorder(guard=guard, load=LOAD, tell=told.append)
+        recorder = ServoRecorder(guard=guard, load=LOAD, realtime=False, tell=told.append)
         served.heat(1, 57.52)
         with pytest.raises(SetupError, match="range is"):
             recorder.record(tmp_path, lambda _: None)

@@ -59,8 +59,9 @@ class ServoFit:
 
     @property
     def not_identified(self) -> tuple[str, ...]:
-        """Return the parameters that the logs leave open."""
-        return tuple(name for name, one in self.parameters.items() if not one.is_identified)
+        """Return the parameters that the logs leave open; an offset may be any share of itself."""
+        figures = [name for name in self.parameters if name != "offset"]
+        return tuple(name for name in figures if not self.parameters[name].is_identified)
 
     def apply(self, servo: ServoModel) -> ServoModel:
         """Return a servo type with the identified figures, at its nominal voltage."""

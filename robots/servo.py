@@ -75,7 +75,7 @@ class ServoModel:
     p_gain: PGain = 800
     """Position P gain as shipped."""
     gain_divisor: Annotated[float, positive(65_536.0)] = 128.0
-    """Register value of the P gain per PWM count and tick of error."""
+    """Register value of the P gain per PWM count and 1/4096 turn of error."""
     damping: Annotated[float, positive(1000.0, "N·m·s/rad")] | None = None
     """Of current-based position mode [N·m·s/rad]; that of back-EMF in the other if left out."""
     trips: bool = True

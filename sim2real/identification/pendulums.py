@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robots.quaternion import Array
-from robots.servo import PWM_FULL_SCALE, ServoModel
+from robots.servo import ServoModel
 from sim2real.identification.servo_log import ServoLog
 
 GRAVITY = 9.81  # m/s², MuJoCo's own
@@ -47,8 +47,8 @@ class Pendulums:
         self._volts = np.array([log.voltage for log in logs])
         self._weight = np.array([log.mass * GRAVITY * log.arm for log in logs])
         self._inertia = np.array([log.inertia for log in logs])
-        gains = np.array([log.p_gain for log in logs])
-        self._duty_per_rad = gains / model.gain_divisor / model.rad_per_tick / PWM_FULL_SCALE
+        stiffness = np.array([model.position_gain(log.p_gain) for log in logs])
+        self._duty_per_rad = stiffness / model.stall_torque
 
     def run(self, parameters: Array) -> Array:
         """Simulate rows of `PARAMETERS`, (P, 10); return the angles along the logs, (P, L, T)."""

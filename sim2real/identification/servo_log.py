@@ -225,8 +225,8 @@ def find_warnings(logs: list[ServoLog], model: ServoModel) -> Iterator[str]:
     for log in logs:
         if log.duty is None:
             continue
-        expected = (log.goal - log.joint_pos) * log.p_gain / model.gain_divisor
-        expected /= model.rad_per_tick * PWM_FULL_SCALE
+        duty_per_rad = model.position_gain(log.p_gain) / model.stall_torque
+        expected = (log.goal - log.joint_pos) * duty_per_rad
         free = log.torque_on & (np.abs(expected) < 1.0) & (np.abs(expected) > LEAST_DUTY)
         if free.sum() < LEAST_SAMPLES:
             continue

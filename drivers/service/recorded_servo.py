@@ -88,9 +88,7 @@ class ServoRecorder:
     def record(self, folder: Path, advance: Callable[[float], None]) -> None:
         """Record all logs of `list_recordings` into a folder; report each that is finished.
 
-        Raises:
-            DriverError: one line, if the guard or the hardware ended it, if the servo stays hot or
-                its range is too narrow.
+        A `DriverError` says in one line why it ended before: guard, hardware, heat or range.
         """
         robot = self.guard.robot
         servo = robot.joints[0].servo

@@ -164,10 +164,8 @@ def _read_flight(path: Path) -> _File:
     try:
         about = msgspec.convert(record.about, _About)
     except msgspec.ValidationError as error:
-        raise ValueError(
-            f"flight log {path}: {error}, expected one of a servo with a load, as getup identify "
-            "servo --port records them"
-        ) from error
+        expected = "expected one of a servo with a load, of getup identify servo --port"
+        raise ValueError(f"flight log {path}: {error}, {expected}") from error
     if not record.cycles:
         raise ValueError(f"flight log {path}: it has no cycle")
     state, sent = record.state, record.sent

@@ -83,8 +83,7 @@ class FitServoRequest(CommandRequest):
         if self.port is not None:
             yield from find_new_folder_problems(self.out or OUT, "--out")
         elif len(self.logs) < LEAST_LOGS:
-            expected = f"expected {LEAST_LOGS} or more, of several trajectories and P gains, or "
-            expected += "--port of a servo to record"
+            expected = f"expected {LEAST_LOGS} or more, or --port of a servo to record"
             yield f"logs to fit are {len(self.logs)}, {expected}"
         if both := set(self.logs) & set(self.hold_out):
             names = ", ".join(sorted(map(str, both)))
@@ -190,12 +189,14 @@ def _record(request: FitServoRequest, port: str, monitor: ProgressMonitor) -> li
     driver = make_driver(bench, {MAIN_PORT: port})
     with driver:
         waits = driver.waits_for_commands()
+    for warning in driver.diagnostics.warnings:
+        monitor.tell(str(warning))
     if waits:  # as a virtual bus in lock-step does
         driver = make_driver(bench, {MAIN_PORT: port}, CycleClock())
     guard = CancellableGuard(driver, GuardLimits.of(bench), monitor.check)
     recorder = ServoRecorder(guard=guard, load=load, realtime=not waits, tell=monitor.tell)
-    names, out = list_recordings(bench), request.out or OUT
-    with StopKey(guard.stop), staging(out, tuple(names)) as folder:
+    names, out = tuple(list_recordings(bench)), request.out or OUT
+    with StopKey(guard.stop), staging(out, names) as folder:
         recorder.record(folder, monitor.count("recording", len(names)))
     return [out / name for name in names]
 

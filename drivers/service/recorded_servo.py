@@ -111,8 +111,7 @@ class ServoRecorder:
         degrees = float(self.guard.read().temperature[0])
         if degrees > coolest:
             self.tell(f"pause: it has {degrees:.0f} °C, and goes on at {coolest:.0f} °C")
-        controller = Rest(coolest)
-        self._run(controller)
+        self._run(controller := Rest(coolest))
         return controller.angle
 
     def _find_hang(self) -> float:
@@ -132,8 +131,7 @@ class ServoRecorder:
             degrees = np.degrees([lower, upper, hang, LEAST_REACH + RANGE_MARGIN])
             raise SetupError(
                 f"range is {degrees[0]:+.0f}° to {degrees[1]:+.0f}° and the mass hangs at "
-                f"{degrees[2]:+.0f}°, expected {degrees[3]:.0f}° to each side: mount the lever "
-                "otherwise, or see getup servo write"
+                f"{degrees[2]:+.0f}°, expected {degrees[3]:.0f}° to each side: remount the lever"
             )
         return reach
 
@@ -143,10 +141,8 @@ class ServoRecorder:
         def note(cycle: Cycle) -> None:
             share = cycle.sent.pwm_limit[0]
             if not cycle.sent.is_limp and share < LEAST_PWM:
-                raise DriverError(
-                    f"PWM is limited to {share:.0%}, expected 100%: the servo is hot, the supply "
-                    "low, or pwm_limit is"
-                )
+                why = "expected 100%: the servo is hot, the supply low, or pwm_limit is"
+                raise DriverError(f"PWM is limited to {share:.0%}, {why}")
             if log:
                 log(cycle)
 

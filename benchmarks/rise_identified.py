@@ -68,7 +68,6 @@ def main(options: IdentifiedOptions) -> None:
     true = make_world(world, TRUTH)
     flights = [fly(world, TRUTH, motion) for motion in (FITTED, HELD_OUT)]
     fit = identify(world, flights[:1], flights[1:])
-    print(fit)
     found = fit.individual
     known = {"as described": Individual(), "as identified": found, "true": TRUTH}
     rng = np.random.default_rng(options.seed)

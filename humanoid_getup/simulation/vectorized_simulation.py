@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.simulation.delay_buffers import DelayBuffers
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
-from humanoid_getup.simulation.world import World
+from humanoid_getup.simulation.world import World, count_substeps
 from robots.gear_friction import GearFriction
 from robots.quaternion import Array
 from robots.torque_limit import limit_servos
@@ -131,14 +131,16 @@ class VecSim:
 
         The N worlds are ``ids``, or all. The MjData fields ``record`` are returned as they are
         at the end of every target, (N, T, ...). The friction of gears under load and the supply
-        behind a resistance follow after every target.
+        behind a resistance follow after every control period, or every target if that is longer.
         """
         is_ideal = self.gears.is_constant and not self.robot.supply_resistance
-        if is_ideal or targets.shape[1] == 1:
+        period = count_substeps(self.model, self.robot.control_period)
+        count, at_once = targets.shape[1], max(period // hold, 1)
+        if is_ideal or count <= at_once:
             return self._roll_out(targets, hold, record, ids)
         diverged, rolled = np.zeros(self.n, dtype=bool), list[dict[str, Array]]()
-        for k in range(targets.shape[1]):
-            rolled.append(self._roll_out(targets[:, k : k + 1], hold, record, ids))
+        for k in range(0, count, at_once):
+            rolled.append(self._roll_out(targets[:, k : k + at_once], hold, record, ids))
             diverged |= self.diverged
         self.diverged = diverged
         return {name: np.concatenate([one[name] for one in rolled], axis=1) for name in record}

@@ -284,7 +284,7 @@ def find_supply_resistance(
         return None
     found = [-float(i[k] @ v[k]) / float(i[k] @ i[k]) for k in (part_of != p for p in range(PARTS))]
     spread = float(np.std(found)) * np.sqrt(PARTS - 1)
-    return float(np.mean(found)), spread * float(student.ppf(0.5 + 0.5 * CONFIDENCE, PARTS - 1))
+    return float(np.mean(found)), float(spread * student.ppf(0.5 + 0.5 * CONFIDENCE, PARTS - 1))
 
 
 def _compare_supply(

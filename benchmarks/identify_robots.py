@@ -30,7 +30,8 @@ from humanoid_getup.playback.play import MotionPlayer
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 from robots.individual import AS_DESCRIBED, Individual
-from sim2real.identification.flight_fit import LENGTH, Excerpt, identify
+from sim2real.identification.flight_fit import identify
+from sim2real.identification.flight_replay import LENGTH, Excerpt
 
 FITTED, HELD_OUT = "supine_sit_up_fast", "prone_push_up_fast"
 LOWER = {"strength": 0.85, "friction": 0.7, "mass": 0.97, "delay": 0.0, "com": -0.006}

@@ -122,7 +122,8 @@ class VecSim:
         self._compute_sensors(ids)
         if self._delays.exist:
             self._delays.fill(self.read("history"), ids, self.read("ctrl"), self.read("sensordata"))
-        self._follow_load(ids)
+        self._sag_supply(ids)
+        self._load_gears(ids)
 
     def advance(
         self, targets: Array, hold: int, record: tuple[str, ...] = (), ids: Ids | None = None
@@ -130,18 +131,21 @@ class VecSim:
         """Send joint targets [rad], (N, T, n), each for ``hold`` physics steps.
 
         The N worlds are ``ids``, or all. The MjData fields ``record`` are returned as they are
-        at the end of every target, (N, T, ...). The friction of gears under load and the supply
-        behind a resistance follow after every control period, or every target if that is longer.
+        at the end of every target, (N, T, ...). The friction of gears under load follows after
+        every target, the supply behind a resistance after every control period.
         """
-        is_ideal = self.gears.is_constant and not self.robot.supply_resistance
-        period = count_substeps(self.model, self.robot.control_period)
-        count, at_once = targets.shape[1], max(period // hold, 1)
-        if is_ideal or count <= at_once:
-            return self._roll_out(targets, hold, record, ids)
+        rows = self.everyone if ids is None else ids
+        count, each = targets.shape[1], 1
+        period = max(count_substeps(self.model, self.robot.control_period) // hold, 1)
+        if self.gears.is_constant:
+            each = period if self.robot.supply_resistance else count
         diverged, rolled = np.zeros(self.n, dtype=bool), list[dict[str, Array]]()
-        for k in range(0, count, at_once):
-            rolled.append(self._roll_out(targets[:, k : k + at_once], hold, record, ids))
+        for k in range(0, count, each):
+            rolled.append(self._roll_out(targets[:, k : k + each], hold, record, ids))
             diverged |= self.diverged
+            self._load_gears(rows)
+            if (k + each) % period == 0 or k + each >= count:
+                self._sag_supply(rows)
         self.diverged = diverged
         return {name: np.concatenate([one[name] for one in rolled], axis=1) for name in record}
 
@@ -154,7 +158,6 @@ class VecSim:
         control = np.repeat(self.robot.transmission.to_actuator(targets), hold, axis=1)
         rolled = self.batch.rollout(control.shape[1], control, record=record, ids=ids)
         self.diverged = np.any(warnings > 0, axis=1)
-        self._follow_load(self.everyone if ids is None else ids)
         return {name: rolled[name][:, hold - 1 :: hold] for name in record}
 
     def hold(self, target: Array, steps: int, ids: Ids | None = None) -> None:
@@ -165,23 +168,25 @@ class VecSim:
         self.read("ctrl")[rows] = self.robot.transmission.to_actuator(target)
         self.batch.step(rows, nstep=steps)
         self.diverged = np.any(warnings > 0, axis=1)
-        self._follow_load(rows)
+        self._sag_supply(rows)
+        self._load_gears(rows)
 
-    def _follow_load(self, ids: Ids) -> None:
-        """Set friction of gears and supply by the present torques and speeds of the motors."""
-        gears, robot = self.gears, self.robot
-        if gears.is_constant and not robot.supply_resistance:
+    def _sag_supply(self, ids: Ids) -> None:
+        """Set the supply behind a resistance by the present currents of the motors."""
+        robot = self.robot
+        if not robot.supply_resistance:
             return
-        torque = self.read("actuator_force")[ids][:, self._servos]
-        joint_vel = self.read("qvel")[ids][:, self._layout.dof]
-        if robot.supply_resistance:
-            drawn = self.parameters.take(ids)
-            speed = robot.transmission.to_actuator(joint_vel)
-            sagged = robot.sag(drawn.voltage, torque, speed)
-            self._set_drives(ids, replace(drawn, voltage=sagged))
+        drawn, torque = self.parameters.take(ids), self.read("actuator_force")[ids][:, self._servos]
+        speed = robot.transmission.to_actuator(self.read("qvel")[ids][:, self._layout.dof])
+        self._set_drives(ids, replace(drawn, voltage=robot.sag(drawn.voltage, torque, speed)))
+
+    def _load_gears(self, ids: Ids) -> None:
+        """Set the friction of gears by the present torques and speeds of the motors."""
+        gears = self.gears
         if gears.is_constant:
             return
-        friction = gears.compute(torque, joint_vel)
+        torque = self.read("actuator_force")[ids][:, self._servos]
+        friction = gears.compute(torque, self.read("qvel")[ids][:, self._layout.dof])
         friction *= self.parameters.friction_loss[ids][:, None]
         self._fields["dof_frictionloss"][ids[:, None], gears.dofs] = friction[:, gears.in_joints]
         if len(gears.tendons):

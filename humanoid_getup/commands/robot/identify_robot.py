@@ -86,7 +86,8 @@ class IdentifiedRobot:
 @command("identify robot", json=IdentifiedRobot.describe)
 def identify_robot(request: FitRobotRequest, monitor: ProgressMonitor) -> IdentifiedRobot:
     """Identify one robot from flights."""
-    from sim2real.identification.flight_fit import STEPS, Excerpt, identify
+    from sim2real.identification.flight_fit import STEPS, identify
+    from sim2real.identification.flight_replay import Excerpt
 
     monitor.begin("reading")
     paths = (*request.flights, *request.hold_out)

@@ -21,15 +21,9 @@ from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 from robots.individual import AS_DESCRIBED, IDENTIFIED_FILE, Individual
 from sim2real.identification import flight_fit
-from sim2real.identification.flight_fit import (
-    FIGURES,
-    PLAIN,
-    Excerpt,
-    Replayer,
-    find_supply_resistance,
-    find_warnings,
-    identify,
-)
+from sim2real.identification.flight_fit import find_warnings, identify
+from sim2real.identification.flight_replay import FIGURES, PLAIN, Excerpt, Replayer
+from sim2real.identification.supply_and_imu import find_supply_resistance
 
 TRUTH = Individual(
     strength=0.9, friction=1.4, mass=1.05, delay=0.007, com=0.004, imu_tilt=(0.05, -0.1, 0.03)

@@ -34,6 +34,7 @@ from robots.storage.validation import between
 
 MARGIN = 0.98  # of the catalog's error, below which figures are better
 TOO_FAR = 0.1  # rad of error, beyond which the logs are not of such a servo
+TORQUE_SHARES = 0.6, 1.7  # of the catalog's stall torque, friction not taken off
 OUT = Path("out/servo")
 LEAST_LOGS = 3  # for intervals, of refits without some of them
 
@@ -158,7 +159,7 @@ def identify_servo(request: FitServoRequest, monitor: ProgressMonitor) -> Identi
         ),
         held_out_mae_mrad=1e3 * fit.held_out_error,
         catalog_mae_mrad=1e3 * catalog,
-        warnings=tuple(find_warnings(every, model)),
+        warnings=(*find_warnings(every, model), *_compare_torque(identified, model)),
         logs={log.name: log.checksum for log in every},
         doubt=doubt,
         written=request.write is not None and not doubt,
@@ -199,6 +200,16 @@ def _record(request: FitServoRequest, port: str, monitor: ProgressMonitor) -> li
     with StopKey(guard.stop), staging(out, names) as folder:
         recorder.record(folder, monitor.count("recording", len(names)))
     return [out / name for name in names]
+
+
+def _compare_torque(identified: ServoModel, catalog: ServoModel) -> Iterator[str]:
+    """Find a stall torque that no servo of the type has."""
+    share, (least, most) = identified.stall_torque / catalog.stall_torque, TORQUE_SHARES
+    if not least <= share <= most:
+        yield (
+            f"stall torque is {share:.2f} of the catalog's, expected {least:g} to {most:g}: check "
+            "mass and length of the lever, and the supply"
+        )
 
 
 def _find_doubt(identified: ServoModel, error: float, catalog: float) -> str:

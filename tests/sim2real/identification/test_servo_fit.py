@@ -78,6 +78,10 @@ def test_hidden_figures_are_found_and_better_ones_written(
     absurd = replace(same, held_out_error=0.5)
     monkeypatch.setattr(ServoFitter, "identify", lambda *_: absurd)
     assert "check sign, zero and unit of the angles" in identify_servo(request).doubt
+    halved = HIDDEN * np.where(np.array(PARAMETERS) == "resistance", 2.5, 1.0)
+    monkeypatch.setattr(ServoFitter, "identify", lambda *_: describe(halved))
+    (warning,) = identify_servo(request).warnings
+    assert "check mass and length of the lever" in warning
     assert (tmp_path / "servos.toml").read_text() == text
 
 

@@ -140,7 +140,7 @@ def identify_servo(request: FitServoRequest, monitor: ProgressMonitor) -> Identi
     values = {name: one.value for name, one in fit.parameters.items()}
     catalog = fitter.measure_catalog(held_out or logs, values["offset"])
     identified = fit.apply(model)
-    doubt = _find_doubt(identified, fit.held_out_error, catalog)
+    doubt = _find_doubt(identified, model, fit.held_out_error, catalog)
     if request.write is not None and not doubt:
         about = ["Identified by `getup identify servo` from logs (SHA-256):"]
         about += [f"{log.name}: {log.checksum}" for log in every]
@@ -159,7 +159,7 @@ def identify_servo(request: FitServoRequest, monitor: ProgressMonitor) -> Identi
         ),
         held_out_mae_mrad=1e3 * fit.held_out_error,
         catalog_mae_mrad=1e3 * catalog,
-        warnings=(*find_warnings(every, model), *_compare_torque(identified, model)),
+        warnings=tuple(find_warnings(every, model)),
         logs={log.name: log.checksum for log in every},
         doubt=doubt,
         written=request.write is not None and not doubt,
@@ -202,18 +202,9 @@ def _record(request: FitServoRequest, port: str, monitor: ProgressMonitor) -> li
     return [out / name for name in names]
 
 
-def _compare_torque(identified: ServoModel, catalog: ServoModel) -> Iterator[str]:
-    """Find a stall torque that no servo of the type has."""
-    share, (least, most) = identified.stall_torque / catalog.stall_torque, TORQUE_SHARES
-    if not least <= share <= most:
-        yield (
-            f"stall torque is {share:.2f} of the catalog's, expected {least:g} to {most:g}: check "
-            "mass and length of the lever, and the supply"
-        )
-
-
-def _find_doubt(identified: ServoModel, error: float, catalog: float) -> str:
+def _find_doubt(identified: ServoModel, known: ServoModel, error: float, catalog: float) -> str:
     """Find why figures are not to be used, by their error and the catalog's [rad]."""
+    share, (least, most) = identified.stall_torque / known.stall_torque, TORQUE_SHARES
     if error > TOO_FAR:
         return (
             f"{1e3 * error:.0f} mrad along held-out logs: no servo like this one moves so; check "
@@ -223,6 +214,11 @@ def _find_doubt(identified: ServoModel, error: float, catalog: float) -> str:
         return (
             f"{1e3 * error:.1f} mrad along held-out logs, {1e3 * catalog:.1f} mrad with the "
             "catalog's figures: keep those, or record more trajectories, loads and P gains"
+        )
+    if not least <= share <= most:
+        return (
+            f"stall torque is {share:.2f} of the catalog's, expected {least:g} to {most:g}: check "
+            "mass and length of the lever, and the supply"
         )
     return "" if identified.top_speed > 0.0 else "friction takes all of the motor's torque"
 

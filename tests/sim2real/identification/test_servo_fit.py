@@ -81,8 +81,7 @@ def test_hidden_figures_are_found_and_better_ones_written(
     halved = HIDDEN * np.where(np.array(PARAMETERS) == "resistance", 2.5, 1.0)
     wrong = replace(describe(halved), errors=np.zeros(6))
     monkeypatch.setattr(ServoFitter, "identify", lambda *_: wrong)
-    (warning,) = identify_servo(request).warnings
-    assert "check mass and length of the lever" in warning
+    assert "check mass and length of the lever" in identify_servo(request).doubt
     assert (tmp_path / "servos.toml").read_text() == text
 
 

@@ -18,6 +18,8 @@ from robots.storage.toml_document import table_of
 from robots.storage.validation import between, read_toml, reading, shown
 
 IDENTIFIED_FILE = "identified.toml"
+TOLD = "robot", "intervals"  # which make no difference by themselves
+ROUNDING = 1e-3  # of what is written with five digits
 LINEAR = 1  # interpolation between two targets of a delayed actuator
 Ends = Annotated[tuple[float, float], Meta(description="the two ends of an interval")]
 
@@ -60,8 +62,13 @@ class Individual:
     @property
     def is_as_described(self) -> bool:
         """Return whether no figure differs from the description."""
-        told = ("robot", "intervals")
-        return all(getattr(self, f.name) == f.default for f in fields(self) if f.name not in told)
+        return not str(self)
+
+    def __str__(self) -> str:
+        """Return what differs from the description in one line; empty if nothing does."""
+        usual, own = vars(AS_DESCRIBED), vars(self)
+        differing = [name for name in own if name not in TOLD and own[name] != usual[name]]
+        return ", ".join(f"{name} {_rounded(own[name])}" for name in differing)
 
     def relative(self, name: str) -> tuple[float, float]:
         """Return the interval of a factor as shares of its value; (1, 1) if it has none."""
@@ -100,7 +107,7 @@ class Individual:
                 document.add(each.name, tomlkit.item(_rounded(value)))
         intervals = {name: _rounded(ends) for name, ends in self.intervals.items()}
         document.add("intervals", table_of(intervals))
-        write_atomically(path, document.as_string())
+        write_atomically(path, document.as_string().rstrip() + "\n")
 
     @classmethod
     def load(cls, path: Path, robot: str) -> Individual:
@@ -116,11 +123,14 @@ class Individual:
                 for name in found.intervals
                 if name not in known
             ]
-            problems += [
-                f"intervals.{name} is {shown(ends)}, expected its lower end first"
-                for name, ends in found.intervals.items()
-                if ends[0] > ends[1]
-            ]
+            for name, ends in found.intervals.items() if not problems else ():
+                value = getattr(found, name)
+                if not ends[0] - ROUNDING <= value <= ends[1] + ROUNDING:
+                    problems.append(
+                        f"intervals.{name} is {list(ends)}, expected it about {name}, {value:g}"
+                    )
+            if any(abs(angle) > np.pi for angle in found.imu_tilt):
+                problems.append(f"imu_tilt is {list(found.imu_tilt)}, expected angles in rad")
             return found
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -238,3 +238,12 @@ def _find_existing(path: Path) -> Path:
     while not os.path.lexists(path):
         path = path.parent
     return path
+
+
+def check_different(checksums: Iterable[tuple[str, str]]) -> None:
+    """Refuse two files, by their names, with the same checksum."""
+    known: dict[str, str] = {}
+    for name, checksum in checksums:
+        if checksum in known:
+            raise BadInputError(f"{name} is the same as {known[checksum]}, expected other logs")
+        known[checksum] = name

@@ -13,12 +13,13 @@ from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
 from drivers.twin.device_models import VOLTAGE_STEP
 from humanoid_getup.experiments.judging.standing import MAX_TILT
+from humanoid_getup.experiments.judging.torque import count_runs
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 from robots.servo import LIMIT_MODES, LimitMode
 
 THRESHOLD = 0.05  # rad, 3 degrees: above the effect of encoders, backlash and one late cycle
-PHASES = ("lying", "rising", "standing")
+PHASES = ("lying", "rising", "standing", "lowering")
 FLIGHT = "flight"
 TWINS = DESCRIBED, IDENTIFIED = "as described", "as identified"
 CYCLES_EACH = 100  # after which progress is reported
@@ -231,12 +232,15 @@ def find_closed(described: ReplayReport, identified: ReplayReport) -> dict[str, 
 
 
 def _find_phases(record: FlightRecord) -> Integers:
-    """Tell cycles before the first torque, up to the last time that it tilts, and after it."""
+    """Tell cycles before the first torque, up to the longest time upright, in it, and after it."""
     driven = np.any(record.sent["torque_limit"] > 0.0, axis=1)
-    tilted = quaternion.tilt(record.state["orientation"]) > MAX_TILT
-    lying, last = driven.cumsum() == 0, np.flatnonzero(tilted)
-    standing = np.arange(record.cycles) > (last[-1] if len(last) else -1)
-    return np.where(lying, 0, np.where(standing & driven, 2, 1))
+    upright = driven & (quaternion.tilt(record.state["orientation"]) <= MAX_TILT)
+    since = count_runs(upright[:, None])[:, 0]  # cycles for which it has been upright
+    end, place = int(since.argmax()), np.arange(record.cycles)
+    if not since[end]:
+        return np.where(driven.cumsum() == 0, 0, 1)
+    after = np.where(place <= end, 2, 3)
+    return np.where(driven.cumsum() == 0, 0, np.where(place <= end - since[end], 1, after))
 
 
 def choose_supply(record: FlightRecord, robot: Robot) -> float:

@@ -40,7 +40,7 @@ img { width: 100% }
 """
 CAPTION = (
     "RMS of measured minus replayed joint angles, the joint that differs most, the torso's tilt. "
-    "Lying (gray in the plots): until torque comes on; standing (green): once it stays upright."
+    "Lying (gray in the plots): until torque comes on; standing (green): longest time upright."
 )
 
 

@@ -29,6 +29,8 @@ class ReportHead:
 
     robot: str
     body: str
+    identified: str
+    """What sets the robot apart from its description; empty if nothing is identified."""
     seed: int
     start: str | UnsetType = UNSET
     """Start of the robot; unset for a stand."""
@@ -68,6 +70,7 @@ def print_summary(report: RiseReport, files: list[str], console: Console) -> Non
     table = Table.grid(padding=(0, 2))
     for label, text in (
         ("start", f"{_describe_start(report)}, seed {report.seed}"),
+        ("robot", report.identified and f"as identified: {report.identified}"),
         ("attempts", _describe_attempts(report)),
         ("motion", _describe_motion(report)),
         ("style", _describe_style(report)),

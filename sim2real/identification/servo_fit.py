@@ -28,6 +28,8 @@ ROBUST = 0.2  # rad of error, beyond which an error counts in proportion and not
 PARTS = 4  # refits for intervals, each without a part of the logs
 BETTER = 0.98  # of the held-out error that a larger model has to come below
 CONFIDENCE = 0.95
+ALWAYS = PARAMETERS[:3]  # which no servo is without
+AT_BOUND = 1.01  # times the lower bound: what is nearer is at it
 OPEN = 0.5  # half an interval as a share of the value, beyond which a parameter is left open
 
 
@@ -56,6 +58,8 @@ class ServoFit:
     """Mean absolute error of the angle along each log [rad], (L,)."""
     held_out_error: float
     """Mean of that along logs that were not fitted [rad]."""
+    at_bounds: tuple[str, ...] = ()
+    """Parameters that would leave the range that is searched."""
 
     @property
     def not_identified(self) -> tuple[str, ...]:
@@ -218,6 +222,13 @@ class ServoFitter:
             },
             errors=self.measure(logs, whole),
             held_out_error=best,
+            at_bounds=tuple(
+                name
+                for name, value, lower, upper in zip(
+                    PARAMETERS, whole, self._lower, self._upper, strict=True
+                )
+                if name in ALWAYS and not AT_BOUND * lower < value < upper / AT_BOUND
+            ),
         )
 
     def _refit_parts(self, logs: Sequence[ServoLog], count: int, whole: Array) -> list[Array]:

@@ -17,6 +17,7 @@ from sim2real.identification.flight_replay import Excerpt
 from sim2real.identification.servo_fit import compute_reach
 
 TURN_SCALE = 0.5  # s, by which rates are multiplied that are aligned beside unit vectors
+LEAST_TILT = np.radians(1.5)
 SUPPLY_WIDTHS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.6  # s, over which a bus averages voltages
 LEAST_CURRENT = 1.0  # A of the supply, by which it has to vary
 LEAST_SHARE = 0.5  # of the voltage's variance that it explains
@@ -66,7 +67,7 @@ def find_imu_tilt(world: World, excerpts: Sequence[Excerpt]) -> Array:
     """Find the rotation vector from the IMU's described mounting to the true one [rad], (3,).
 
     Directions of gravity and rates that were measured are aligned with those of a twin, whose IMU
-    has the same errors while it is accelerated.
+    has the same errors while it is accelerated. A turn that flights cannot tell from none is none.
     """
     pairs: list[tuple[Array, Array]] = []
     for one in excerpts:
@@ -80,4 +81,5 @@ def find_imu_tilt(world: World, excerpts: Sequence[Excerpt]) -> Array:
                 down = quaternion.gravity_in_body(np.array([ours.orientation, state.orientation]))
                 pairs += [tuple(down), (TURN_SCALE * ours.gyro, TURN_SCALE * state.gyro)]
     ours, theirs = np.swapaxes(np.array(pairs), 0, 1)
-    return Rotation.align_vectors(ours, theirs)[0].as_rotvec()
+    turned = Rotation.align_vectors(ours, theirs)[0].as_rotvec()
+    return turned if np.linalg.norm(turned) > LEAST_TILT else np.zeros(3)

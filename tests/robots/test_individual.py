@@ -110,11 +110,15 @@ def test_the_file_is_read_beside_the_calibration(tmp_path: Path, tiny: Robot):
     OTHER.save(own / IDENTIFIED_FILE, ["From flights:", "a.mcap: 12ab"])
     assert (own / IDENTIFIED_FILE).read_text().startswith("# From flights:\n# a.mcap: 12ab\n")
     assert load_robot(own).individual == OTHER
+    assert str(OTHER).startswith("strength 0.8, friction 1.5, mass 1.1, delay 0.009, ")
+    assert Individual().is_as_described and str(Individual(mass=1.0)) == ""
     assert load_robot(own, individual=Individual()).supply_resistance == tiny.supply_resistance
     for text, problem in (
         ('robot = "op3"', "it is of robot 'op3', expected 'tiny'"),
         ('robot = "tiny"\nmass = 9.0', "mass is 9, expected 0.2 to 5"),
-        ('robot = "tiny"\n[intervals]\nmass = [2.0, 1.0]', "expected its lower end first"),
+        ('robot = "tiny"\n[intervals]\nmass = [2.0, 1.0]', "expected it about mass, 1"),
+        ('robot = "tiny"\n[intervals]\nmass = [2.0]', "intervals.mass"),
+        ('robot = "tiny"\nimu_tilt = [5.0, 0.0, 0.0]', "expected angles in rad"),
         ('robot = "tiny"\n[intervals]\nsize = [1.0, 2.0]', "intervals.size is not known"),
         ('robot = "tiny"\nimu_tilt = [1.0]', "imu_tilt"),
     ):

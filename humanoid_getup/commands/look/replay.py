@@ -235,15 +235,13 @@ def _write(flight: ReplayedFlight, out: Path, monitor: ProgressMonitor) -> tuple
 
 def _list_facts(flight: ReplayedFlight) -> dict[str, str]:
     record, robot = flight.record, flight.world.robot
-    figures = vars(replace(robot.individual, robot="", intervals={})).items()
-    identified = [f"{name} {value}" for name, value in figures if value != vars(AS_DESCRIBED)[name]]
     return {
         "log": f"{record.path.name}, {record.describe()}",
         "recorded": ", ".join(
             [record.started, *(f"{k} {v}" for k, v in record.about.items() if v)]
         ),
         "robot": f"{robot.name}, {str(robot.body) or 'original'} body",
-        "identified": ", ".join(identified) or "nothing",
+        "identified": str(robot.individual) or "nothing",
         "scene": flight.scene,
         "supply": f"{flight.report.curves['supply [V]'][0]:.3g} V on the twin",
         "start": f"posture {flight.start}",

@@ -116,6 +116,8 @@ def _print(found: JudgedMotion, _: PreflightRequest, console: Console) -> int:
     figures = verdict.figures
     word, color = ("passed", "green") if verdict.passed else ("refused", "red")
     console.print(f"[bold {color}]{escape(motion.name)}: {word} at {figures.voltage:.1f} V")
+    if not robot.individual.is_as_described:
+        console.print(f"robot as identified: {robot.individual}")
     for reason in verdict.reasons:
         mark = "[red]✗[/]" if reason.kind is ReasonKind.REFUSE else "[yellow]![/]"
         console.print(f" {mark} {escape(str(reason))}")

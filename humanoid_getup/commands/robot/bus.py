@@ -130,13 +130,13 @@ def serve_bus(command: ServeBus) -> int:
 
 def _load_robot(command: ServeBus) -> Robot:
     """Load the robot, or build the bench of servos, with the baud rate of the command."""
+    if command.baud is not None:
+        check_rate(command.baud)
     if command.servos:
-        robot: Robot = _build_bench(command.servos, command.load)
-    else:
-        robot = load_robot(command, takes_bench=True)
+        return _build_bench(command.servos, command.load, command.baud)
+    robot = load_robot(command, takes_bench=True)
     if command.baud is None or robot.bus is None:
         return robot
-    check_rate(command.baud)
     return replace(robot, bus=replace(robot.bus, baud=command.baud))
 
 
@@ -205,13 +205,13 @@ def _do(person: VirtualPerson, sentence: str) -> None:
 # Servos on a bench -------------------------------------------------------------------------------
 
 
-def _build_bench(words: Sequence[str], load: str | None) -> ServoBench:
-    """Build the bench of --servos and --load."""
+def _build_bench(words: Sequence[str], load: str | None, baud: int | None) -> ServoBench:
+    """Build the bench of --servos and --load, with a cycle that suits the baud rate."""
     servos = list_bench_servos(words)
     hanging = BARE if load is None else Load.parse(load)
     table = table_named(servos[0].servo.model.name)
     shipped = table.bauds[table["baud_rate"].default or 0]
-    return make_bench(servos, baud=shipped, loads=[hanging] * len(servos))
+    return make_bench(servos, baud=baud or shipped, loads=[hanging] * len(servos))
 
 
 def list_bench_servos(words: Sequence[str]) -> list[Joint]:

@@ -17,7 +17,7 @@ from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import make_table
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, BadInputError, refusing
-from humanoid_getup.commands.files import READ, ROBOT, Written
+from humanoid_getup.commands.files import READ, ROBOT, Written, check_different
 from humanoid_getup.commands.options import CommandRequest
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.scenes.named_scenes import load_scene
@@ -55,9 +55,8 @@ class FitRobotRequest(CommandRequest):
 
     def _find_problems(self) -> Iterator[str]:
         yield from super()._find_problems()
-        if both := set(self.flights) & set(self.hold_out):
-            names = ", ".join(sorted(map(str, both)))
-            yield f"--hold-out is {names}, expected other flights than those that are fitted"
+        if not self.flights:
+            yield "no flight is given, expected FLIGHT..."
         if self.write is not None and not (self.write / "robot.toml").exists():
             yield f"--write is {self.write}, expected the folder of a robot, with a robot.toml"
 
@@ -95,13 +94,19 @@ def identify_robot(request: FitRobotRequest, monitor: ProgressMonitor) -> Identi
         records = [FlightRecord.load(path) for path in paths]
         world = _load_world(request, records)
         excerpts = [Excerpt.of(record, world) for record in records]
-        checksums = {str(path): sha256(path.read_bytes()).hexdigest() for path in paths}
+        told = [(str(path), sha256(path.read_bytes()).hexdigest()) for path in paths]
+        check_different(told)
+        checksums = dict(told)
     count, advance = len(request.flights), monitor.count("fitting", STEPS)
     fit = identify(world, excerpts[:count], excerpts[count:], steps=STEPS, advance=advance)
     is_written = request.write is not None and fit.is_better
     if request.write is not None and is_written:
         about = ["Identified by `getup identify robot` from flights (SHA-256):"]
-        about += [f"{Path(name).name}: {checksum}" for name, checksum in checksums.items()]
+        held = set(map(str, request.hold_out))
+        about += [
+            f"{'/'.join(Path(name).parts[-2:])}{', held out' * (name in held)}: {checksum}"
+            for name, checksum in checksums.items()
+        ]
         if fit.not_identified:
             about.append(f"Not identified one by one: {', '.join(fit.not_identified)}")
         fit.individual.save(request.write / IDENTIFIED_FILE, about)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console
 from rich.markup import escape
@@ -18,6 +18,7 @@ from humanoid_getup.commands.files import (
     FOLDER,
     READ,
     Written,
+    check_different,
     find_new_folder_problems,
     staging,
 )
@@ -31,6 +32,9 @@ from robots.description.servo_catalog import (
 )
 from robots.servo import ServoModel
 from robots.storage.validation import between
+
+if TYPE_CHECKING:
+    from sim2real.identification.servo_fit import ServoFit
 
 MARGIN = 0.98  # of the catalog's error, below which figures are better
 TOO_FAR = 0.1  # rad of error, beyond which the logs are not of such a servo
@@ -86,9 +90,6 @@ class FitServoRequest(CommandRequest):
         elif len(self.logs) < LEAST_LOGS:
             expected = f"expected {LEAST_LOGS} or more, or --port of a servo to record"
             yield f"logs to fit are {len(self.logs)}, {expected}"
-        if both := set(self.logs) & set(self.hold_out):
-            names = ", ".join(sorted(map(str, both)))
-            yield f"--hold-out is {names}, expected other logs than those that are fitted"
         if self.write is not None and not (self.write / "robot.toml").exists():
             yield f"--write is {self.write}, expected the folder of a robot, with a robot.toml"
 
@@ -133,6 +134,7 @@ def identify_servo(request: FitServoRequest, monitor: ProgressMonitor) -> Identi
     logs = [load_servo_log(path) for path in (*request.logs, *recorded)]
     held_out = [load_servo_log(path) for path in request.hold_out]
     every = [*logs, *held_out]
+    check_different([(log.name, log.checksum) for log in every])
     model = _choose_model(request, every[0].servo)
     check_servo(every, model)
     fitter = ServoFitter(model)
@@ -140,7 +142,7 @@ def identify_servo(request: FitServoRequest, monitor: ProgressMonitor) -> Identi
     values = {name: one.value for name, one in fit.parameters.items()}
     catalog = fitter.measure_catalog(held_out or logs, values["offset"])
     identified = fit.apply(model)
-    doubt = _find_doubt(identified, model, fit.held_out_error, catalog)
+    doubt = _find_doubt(identified, model, fit, catalog)
     if request.write is not None and not doubt:
         about = ["Identified by `getup identify servo` from logs (SHA-256):"]
         about += [f"{log.name}: {log.checksum}" for log in every]
@@ -202,8 +204,9 @@ def _record(request: FitServoRequest, port: str, monitor: ProgressMonitor) -> li
     return [out / name for name in names]
 
 
-def _find_doubt(identified: ServoModel, known: ServoModel, error: float, catalog: float) -> str:
-    """Find why figures are not to be used, by their error and the catalog's [rad]."""
+def _find_doubt(identified: ServoModel, known: ServoModel, fit: ServoFit, catalog: float) -> str:
+    """Find why figures are not to be used, by their fit and the catalog's error [rad]."""
+    error, ends = fit.held_out_error, ", ".join(fit.at_bounds)
     share, (least, most) = identified.stall_torque / known.stall_torque, TORQUE_SHARES
     if error > TOO_FAR:
         return (
@@ -215,6 +218,8 @@ def _find_doubt(identified: ServoModel, known: ServoModel, error: float, catalog
             f"{1e3 * error:.1f} mrad along held-out logs, {1e3 * catalog:.1f} mrad with the "
             "catalog's figures: keep those, or record more trajectories, loads and P gains"
         )
+    if ends:
+        return f"the logs ask for more or less {ends} than any such servo has: check load and clock"
     if not least <= share <= most:
         return (
             f"stall torque is {share:.2f} of the catalog's, expected {least:g} to {most:g}: check "

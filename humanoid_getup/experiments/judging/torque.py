@@ -75,7 +75,8 @@ def count_runs(
 
 def limit_torque(robot: Robot, torque_limit: float | None) -> Array:
     """Return the torque limits of the servos [N·m], (n,)."""
-    return robot.max_torque if torque_limit is None else np.minimum(robot.max_torque, torque_limit)
+    most = robot.individual.strength * robot.max_torque
+    return most if torque_limit is None else np.minimum(most, torque_limit)
 
 
 def estimate_torque(robot: Robot, current: Array) -> Array:

@@ -9,7 +9,7 @@ from flight_recording import record_swing, twin_of
 
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.reporting.replay import ReplayReport, choose_supply, replay
-from robots.quaternion import multiply
+from robots.quaternion import IDENTITY, multiply
 from robots.storage.encoding import to_plain
 
 
@@ -120,3 +120,18 @@ def test_a_log_whose_clock_jumps_cannot_be_replayed(swing, tiny, change, message
     record = spoiled(FlightRecord.load(swing), "time", change)
     with pytest.raises(ValueError, match=message):
         replay(record, twin_of(tiny), tiny.standing)
+
+
+def test_phases_are_lying_rising_the_longest_time_upright_and_what_follows(swing, tiny):
+    record = FlightRecord.load(swing, tiny)
+    place = np.arange(record.cycles)
+    stands = ((place == 30) | ((place >= 50) & (place < 90)))[:, None]
+    leaning = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
+    record = spoiled(record, "orientation", lambda _: np.where(stands, IDENTITY, leaning))
+    sent = record.tracks["sent"]
+    torque = np.where(place[:, None] < 10, 0.0, 1.0) * np.ones(tiny.n)
+    sent = replace(sent, columns={**sent.columns, "torque_limit": torque})
+    driven = replace(record, tracks={**record.tracks, "sent": sent})
+    phase = replay(driven, twin_of(tiny), tiny.standing).phase
+    expected = np.select([place < 10, place < 50, place < 90], [0, 1, 2], 3)
+    np.testing.assert_array_equal(phase, expected)

@@ -22,6 +22,7 @@ from robots.storage.encoding import to_plain
 
 HEAD = ReportHead(
     robot="op3",
+    identified="",
     body="",
     seed=4,
     start="prone",

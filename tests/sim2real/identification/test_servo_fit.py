@@ -78,6 +78,9 @@ def test_hidden_figures_are_found_and_better_ones_written(
     absurd = replace(same, held_out_error=0.5)
     monkeypatch.setattr(ServoFitter, "identify", lambda *_: absurd)
     assert "check sign, zero and unit of the angles" in identify_servo(request).doubt
+    bounded = replace(same, held_out_error=0.0, at_bounds=("armature",))
+    monkeypatch.setattr(ServoFitter, "identify", lambda *_: bounded)
+    assert "ask for more or less armature than any" in identify_servo(request).doubt
     halved = HIDDEN * np.where(np.array(PARAMETERS) == "resistance", 2.5, 1.0)
     wrong = replace(describe(halved), errors=np.zeros(6))
     monkeypatch.setattr(ServoFitter, "identify", lambda *_: wrong)

@@ -1,11 +1,11 @@
 """Rises of a robot that is weaker, stickier and badly wired, planned for it as described or known.
 
-The true robot has 0.8 of the strength, 1.6 of the dry friction, friction by load of 0.1, and its
-battery and wires have 0.15 Ω. It is identified from two flights. Each fall is planned and judged by
-the preflight for the robot as described, and for the robot as identified; every plan is played by
+The true robot has 0.8 of the strength (`--strength`), 1.6 of the dry friction, friction by load of
+0.1, and its battery and wires have 0.15 Ω. It is identified from two flights. Each fall is planned
+and judged by the preflight for the robot as described, and as identified; every plan is played by
 the true robot, also a refused one. A policy rises beside them.
 
-    python benchmarks/rise_identified.py --n 20 --seed 65 --json identified.json
+    python benchmarks/rise_identified.py --n 10 --seed 65 --json identified.json
 """
 
 from __future__ import annotations
@@ -48,6 +48,13 @@ class IdentifiedOptions(LimitedOptions):
     """Falls of each class: supine, prone, lateral."""
     policy: str = "robust"
     """Policy beside the plans."""
+    strength: float = 0.8
+    """Share of torque and gain that the true robot has."""
+
+    @property
+    def truth(self) -> Individual:
+        """Return the true robot."""
+        return replace(TRUTH, strength=self.strength)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +72,8 @@ class Trial:
 def main(options: IdentifiedOptions) -> None:
     """Identify the robot, and rise from every fall in every way."""
     world = options.load_world()
-    true = make_world(world, TRUTH)
-    flights = [fly(world, TRUTH, motion) for motion in (FITTED, HELD_OUT)]
+    true = make_world(world, options.truth)
+    flights = [fly(world, options.truth, motion) for motion in (FITTED, HELD_OUT)]
     fit = identify(world, flights[:1], flights[1:])
     known = {"as described": Individual(), "as identified": fit.individual}
     rng = np.random.default_rng(options.seed)
@@ -104,7 +111,7 @@ def rise_from(
 ) -> list[Trial]:
     """Rise from a fall, by its number, as planned for each robot that is known."""
     number, fall = piece
-    true = make_world(options.load_world(), TRUTH)
+    true = make_world(options.load_world(), options.truth)
     with Twin(true, fall.posture) as twin:
         start = estimate_posture(true, twin.read())
 
@@ -143,7 +150,7 @@ def make_planner(options: IdentifiedOptions, individual: Individual) -> PlannedR
 @lru_cache
 def make_policy(options: IdentifiedOptions) -> Strategy:
     """Make the policy beside the plans, for the true robot."""
-    world = make_world(options.load_world(), TRUTH)
+    world = make_world(options.load_world(), options.truth)
     return make_strategy(world, options.policy, PlannerSettings(threads=options.threads))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.simulation.delay_buffers import DelayBuffers
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
-from humanoid_getup.simulation.world import World, count_substeps
+from humanoid_getup.simulation.world import World
 from robots.gear_friction import GearFriction
 from robots.quaternion import Array
 from robots.torque_limit import limit_servos
@@ -136,7 +136,8 @@ class VecSim:
         """
         rows = self.everyone if ids is None else ids
         count, each = targets.shape[1], 1
-        period = max(count_substeps(self.model, self.robot.control_period) // hold, 1)
+        target_time = hold * self.model.opt.timestep
+        period = max(round(self.robot.control_period / target_time), 1)  # in targets
         if self.gears.is_constant:
             each = period if self.robot.supply_resistance else count
         diverged, rolled = np.zeros(self.n, dtype=bool), list[dict[str, Array]]()

@@ -91,7 +91,7 @@ class Individual:
             site.quat = quaternion.multiply(
                 site.quat, quaternion.from_axis_angle(tilt / angle, np.array(angle))
             )
-        if self.delay > 0.0:
+        if self.delay >= 0.5 * spec.option.timestep:  # any delay acts for a whole step at least
             for actuator in spec.actuators:
                 actuator.nsample = int(np.ceil(self.delay / spec.option.timestep)) + 1
                 actuator.delay, actuator.interp = self.delay, LINEAR
@@ -117,9 +117,9 @@ class Individual:
             found = read_toml(cls, path, problems)
             if found.robot != robot:
                 problems.append(f"it is of robot {shown(found.robot)}, expected {shown(robot)}")
-            known = {each.name for each in fields(cls)}
+            known = {f.name for f in fields(cls) if isinstance(getattr(found, f.name), float)}
             problems += [
-                f"intervals.{name} is not known, expected figures of this file"
+                f"intervals.{name} is not known, expected a figure of this file"
                 for name in found.intervals
                 if name not in known
             ]

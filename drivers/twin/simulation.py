@@ -198,8 +198,8 @@ class Simulation:
                 self._grip.hold(self.data, drive.torque)
 
     def _forget_targets(self) -> None:
-        """Begin the delay of targets anew: what was sent without torque does not act later."""
-        for servo in self._actuators if self.robot.individual.delay > 0.0 else ():
+        """Fill the delay buffers with the present targets: none from before torque acts later."""
+        for servo in self._actuators if self.model.nhistory else ():
             samples = np.full(self.model.actuator_history[servo, 0], self.data.ctrl[servo])
             mujoco.mj_initCtrlHistory(self.model, self.data, servo, None, samples)
 

@@ -81,6 +81,11 @@ def test_targets_act_late_by_the_delay_and_not_those_before_torque(tiny: Robot):
     assert np.all(late.joint_pos > before + 0.01)
 
 
+def test_a_delay_of_much_less_than_a_physics_step_is_none(tiny: Robot):
+    robot = tiny.with_individual(Individual(delay=1e-4))
+    assert swing(robot)[0].joint_pos == pytest.approx(swing(tiny)[0].joint_pos, abs=1e-12)
+
+
 def test_model_and_figures_are_those_of_the_individual(tiny: Robot):
     robot = tiny.with_individual(OTHER)
     usual, own = tiny.spec().compile(), robot.spec().compile()
@@ -121,6 +126,7 @@ def test_the_file_is_read_beside_the_calibration(tmp_path: Path, tiny: Robot):
         ('robot = "tiny"\nimu_tilt = [5.0, 0.0, 0.0]', "expected angles in rad"),
         ('robot = "tiny"\n[intervals]\nsize = [1.0, 2.0]', "intervals.size is not known"),
         ('robot = "tiny"\nimu_tilt = [1.0]', "imu_tilt"),
+        ('robot = "tiny"\n[intervals]\nsupply_resistance = [0.1, 0.2]', "is not known"),
     ):
         (own / IDENTIFIED_FILE).write_text(text)
         with pytest.raises(RobotError, match="make a new one: getup identify robot") as refused:

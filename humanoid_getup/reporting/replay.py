@@ -57,8 +57,6 @@ class ReplayReport:
     """Angles between the measured and the replayed vertical in the torso [rad], (T,)."""
     threshold: float
     """Difference of a joint or of the tilt from which it counts as divergence [rad]."""
-    twin_qpos: Array
-    """MuJoCo positions of the twin, its ground truth, (T, nq)."""
     curves: Mapping[str, Array]
     """Tilt, current and supply of the twin, each (T,); see `read_curves`."""
     phase: Integers
@@ -172,13 +170,11 @@ def replay(
         raise ValueError(f"flight log {record.path}: it has no orientation, expected an IMU's")
     twin.place(start)
     replayed: list[State] = []
-    positions: list[Array] = []
     with twin:
         for cycle, count in enumerate(periods):
             if cycle and cycle % CYCLES_EACH == 0:
                 advance(CYCLES_EACH)
             replayed.append(twin.read())
-            positions.append(twin.truth.qpos)
             command = record.command(cycle)
             for _ in range(count):
                 twin.write(command)
@@ -191,7 +187,6 @@ def replay(
         difference=record.state["joint_pos"] - twins["joint_pos"],
         tilt_difference=_angle_between_verticals(record.state["orientation"], twins["orientation"]),
         threshold=threshold,
-        twin_qpos=np.array(positions),
         curves=read_curves(twins),
         phase=_find_phases(record),
     )

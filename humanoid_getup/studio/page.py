@@ -63,8 +63,6 @@ class Page:
         """Posture from which a rise starts."""
         self.when_posed: list[Callable[[Posture], None]] = []
         """Called after the start has changed."""
-        self.when_files_changed: list[Callable[[], None]] = []
-        """Called after files were saved that another tab may open."""
         self.tabs: dict[str, Any] = {}
         """Tabs by their names."""
         self._speaking = threading.local()
@@ -200,11 +198,6 @@ class Page:
     def is_busy(self) -> bool:
         """Return whether a process works for the page."""
         return any(job.is_apart and job.is_running for job in self.jobs)
-
-    def note_files(self) -> None:
-        """Tell the tabs that there may be new files."""
-        for update in self.when_files_changed:
-            update()
 
     def rest(self) -> None:
         """Cancel all jobs that run, and stop to play."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Sequence
 
 from humanoid_getup.experiments.falls import UNCLASSED
 
@@ -58,10 +57,3 @@ def make_legend(values: dict[str, str], colors: dict[str, str]) -> str:
 def name_side(side: str) -> str:
     """Return the words for the side on which a robot lies; it may lie on none."""
     return "on no side" if side == UNCLASSED else side
-
-
-def make_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return the markdown of a table; numbers, in all columns but the first, are to the right."""
-    rule = ["---", *["--:"] * (len(headings) - 1)]
-    lines = [map(escape, headings), rule, *(map(escape, row) for row in rows)]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

@@ -14,7 +14,6 @@ from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.stage import Stage
 from humanoid_getup.studio.tabs.discover_tab import DiscoverTab
-from humanoid_getup.studio.tabs.flight_tab import FlightTab
 from humanoid_getup.studio.tabs.keyframe_tab import KeyframeTab
 from humanoid_getup.studio.tabs.picture_tab import PictureTab
 from humanoid_getup.studio.tabs.plan_tab import PlanTab
@@ -41,7 +40,6 @@ TABS: dict[str, Callable[[Page], object]] = {
     "Plan": PlanTab,
     "Discover": DiscoverTab,
     "Style": StyleTab,
-    "Flight": FlightTab,
 }
 
 

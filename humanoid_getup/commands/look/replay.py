@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,18 +15,11 @@ from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import make_table
-from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.files import READ, ROBOT, Written, staging
 from humanoid_getup.commands.options import CommandRequest
-from humanoid_getup.experiments.judging.torque import estimate_torque
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.reporting.measured_flight import (
-    Cut,
-    FlightPostures,
-    find_cuts,
-    place_measured,
-)
 from humanoid_getup.reporting.replay import (
     DESCRIBED,
     IDENTIFIED,
@@ -40,12 +32,10 @@ from humanoid_getup.reporting.replay import (
     write_gaps,
 )
 from humanoid_getup.reporting.replay_page import write_page
-from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE_FILE
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
 from robots.individual import AS_DESCRIBED
-from robots.quaternion import Array
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 from robots.storage.validation import between
@@ -82,14 +72,6 @@ class ReplayedFlight:
     """The world of the twin, with the robot as loaded."""
     twins: dict[str, ReplayReport]
     """Replay on the robot as described, and as identified if it was, by these words."""
-    measured: FlightPostures
-    """The robot as it was measured; see `place_measured`."""
-    twin: FlightPostures
-    """The twin, its ground truth."""
-    torque: Array
-    """Estimate of every servo's torque from its current [N·m], (T, n); NaN where unknown."""
-    cuts: tuple[Cut, ...]
-    """Commands that did not reach the servos as the controller sent them."""
     written: tuple[Path, ...]
 
     @property
@@ -124,34 +106,15 @@ class ReplayedFlight:
 
 
 @command("replay", json=ReplayedFlight.describe)
-def replay_flight(
-    request: ReplayRequest, monitor: ProgressMonitor, *, folders: Sequence[Path] | None = None
-) -> ReplayedFlight:
-    """Replay a flight log on the twin, and write what is requested.
-
-    Args:
-        request: Request.
-        monitor: Shows progress.
-        folders: Where the scene file may lie that a log names, if it names one; None for anywhere.
-    """
+def replay_flight(request: ReplayRequest, monitor: ProgressMonitor) -> ReplayedFlight:
+    """Replay a flight log on the twin, and write what is requested."""
     monitor.begin("reading")
     with refusing():
         record = FlightRecord.load(request.log)
-        worlds = _load_worlds(request, record, folders)
+        worlds = _load_worlds(request, record)
         twins = {name: _replay(request, record, one, monitor) for name, one in worlds.items()}
         *_, world = worlds.values()
-        compared = twins[DESCRIBED]
-        monitor.begin("comparing")
-        flight = ReplayedFlight(
-            record=record,
-            world=world,
-            twins=twins,
-            measured=FlightPostures.of(world, place_measured(world, record, compared)),
-            twin=FlightPostures.of(world, compared.twin_qpos),
-            torque=estimate_torque(world.robot, record.state["joint_current"]),
-            cuts=find_cuts(record),
-            written=(),
-        )
+    flight = ReplayedFlight(record=record, world=world, twins=twins, written=())
     if request.out is None:
         return flight
     return replace(flight, written=_write(flight, request.out, monitor))
@@ -176,33 +139,19 @@ def _print(flight: ReplayedFlight, _: ReplayRequest, console: Console) -> None:
     console.print(table)
 
 
-def _load_worlds(
-    request: ReplayRequest, record: FlightRecord, folders: Sequence[Path] | None
-) -> dict[str, World]:
+def _load_worlds(request: ReplayRequest, record: FlightRecord) -> dict[str, World]:
     """Load the robot as described, and as identified if it was, into the scene."""
     body = Body.parse(str(record.about.get("body", "")))
     name = request.robot or record.robot
     robot, own = load_robot(name, body, AS_DESCRIBED), load_robot(name, body)
     record.check_robot(robot)
     scene = request.scene or str(record.about.get("scene", "flat"))
-    if request.scene is None and folders is not None and scene.endswith(SCENE_FILE):
-        _check_place(record, scene, folders)
     seed = record.about.get("seed", 0)
     place = load_scene(scene, robot, seed if isinstance(seed, int) else 0)
     robots = {DESCRIBED: robot}
     if not own.individual.is_as_described:
         robots[IDENTIFIED] = own
     return {name: World(each, place) for name, each in robots.items()}
-
-
-def _check_place(record: FlightRecord, scene: str, folders: Sequence[Path]) -> None:
-    """Refuse a log whose scene file lies outside folders."""
-    path = Path(scene).resolve()
-    if not any(path.is_relative_to(folder.resolve()) for folder in folders):
-        listed = ", ".join(map(str, folders))
-        raise BadInputError(
-            f"flight log {record.path}: its scene is {scene}, expected a file in {listed}"
-        )
 
 
 def _replay(

@@ -186,7 +186,6 @@ class PlanTab:
         with staging(folder, names) as staged:
             copytree(kept.folder, staged, dirs_exist_ok=True)
         self._page.say(f"Saved {', '.join(names)} in {self._page.folders.name(folder)}.")
-        self._page.note_files()
 
     def _write_command(self) -> None:
         """Show the command that makes the same rise, and write the postures that it names."""

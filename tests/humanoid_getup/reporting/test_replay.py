@@ -59,7 +59,6 @@ def test_differences_are_worked_out_by_joint(tiny):
         difference=np.array([[0.0, 0.0], [0.0, 0.3], [-0.2, 0.4], [np.nan, 0.0]]),
         tilt_difference=np.array([0.0, 0.0, 0.2, 0.0]),
         threshold=0.25,
-        twin_qpos=np.zeros((4, 9)),
         curves={},
         phase=np.array([0, 1, 1, 1]),
     )

@@ -6,7 +6,7 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.studio.plain_text import escape, make_block, make_table
+from humanoid_getup.studio.plain_text import escape, make_block
 
 
 @given(st.text())
@@ -24,8 +24,3 @@ def test_a_block_is_one_piece_of_html_without_pictures(text: str):
     inside = TAGS.sub("", make_block(text))
     assert html.unescape(inside) == html.unescape(html.escape(text))
     assert not set(inside) & set("<>!\n")
-
-
-def test_a_table_has_a_row_for_each_and_no_cell_more():
-    table = make_table(("Joint", "Largest"), [("a|b", "0.1")])
-    assert table.splitlines() == ["| Joint | Largest |", "| --- | --: |", r"| a\|b | 0\.1 |"]

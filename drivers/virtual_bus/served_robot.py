@@ -193,11 +193,7 @@ class RealTimeRobot(HandledRobot):
     def _receive(self) -> None:
         try:
             while self._connection.poll():
-                message = self._connection.recv()
-                if isinstance(message, methodcaller):
-                    message(self.physics)
-                else:
-                    self._replies.put(message)
+                self._replies.put(self._connection.recv())
         except (EOFError, OSError):  # it has ended
             self._stopping.set()
 

@@ -34,8 +34,7 @@ class VirtualPorts:
     ) -> None:
         """Prepare the ports, each as a `VirtualBus` has it.
 
-        With several ports, each gets ``-NAME`` appended to its link, and the schedule is for the
-        last one.
+        With several ports, each gets ``-NAME`` appended to its link.
         """
         options = options or PortOptions()
         *_, main = robot.chains
@@ -50,7 +49,6 @@ class VirtualPorts:
                 options,
                 link=self._link_to(name) if len(robot.chains) > 1 else self._link,
                 rng=options.rng.spawn(1)[0] if options.rng else None,
-                schedule=options.schedule if is_main else None,
             )
             self.buses[name] = VirtualBus(
                 chain,

@@ -13,7 +13,7 @@ import re
 import reprlib
 import sys
 import tomllib
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
@@ -138,7 +138,6 @@ def read_table(
     place: str,
     problems: list[str],
     *,
-    required: Collection[str] = (),
     is_strict: bool = False,
 ) -> T:
     """Read a table into a dataclass.
@@ -148,7 +147,6 @@ def read_table(
         table: What TOML or JSON holds.
         place: What the messages begin with: "" or, for example, "joint 'l_knee': ".
         problems: Problems are appended here.
-        required: Keys that the table must have although their fields have a default.
         is_strict: Whether unknown keys are problems, also those of tables within it.
     """
     values, keys = {}, []
@@ -159,7 +157,7 @@ def read_table(
         is_optional = field.default is not MISSING or field.default_factory is not MISSING
         if key in table:
             values[field.name] = _read(hint, table[key], name, problems, is_strict)
-        elif not is_optional or key in required:
+        elif not is_optional:
             problems.append(f"{name} is missing, expected {_describe(hint)}")
             values[field.name] = _blank(hint)
     unknown = [f"{place}{_as_key(key)}" for key in table if key not in keys] if is_strict else []

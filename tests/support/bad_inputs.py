@@ -419,12 +419,7 @@ identify servo --port none --id 1 --load 0.3:0.1 --out . | --out is ., which is 
 servo monitor --port none --seconds 1 | port none | does not exist
 servo setup --port none | standard input is not a terminal
 servo setup --port a,b | --port is a, b, expected for robot 'op3': --port main=PATH
-bus --faults none.toml | none.toml
-bus --faults /dev/zero | /dev/zero | it is a device, expected a file
 replay /dev/zero | /dev/zero | it is a device, expected a file
-bus --faults text.txt | text.txt
-bus --faults wrong.toml | wrong.toml
-bus --faults folder | folder
 bus --robot tiny --link none/port | none/port
 bus --robot tiny --from none.json | posture file none.json is missing
 # posture files

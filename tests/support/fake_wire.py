@@ -11,7 +11,6 @@ from still_physics import StillPhysics
 
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
-from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 
 LEAST = 1e-7  # s that a wait takes
 
@@ -78,10 +77,10 @@ class FakeWire:
 
 
 def exchange_with(
-    devices: FakeDevices, seed: int = 0, schedule: FaultSchedule | None = None, **options: bool
+    devices: FakeDevices, seed: int = 0, **options: bool
 ) -> tuple[Exchange, FaultInjector]:
     """Connect devices to an exchange, without a thread; return its faults as well."""
     physics = StillPhysics(devices)
     bus = SimpleNamespace(call=lambda action: action(), devices=devices, physics=physics)
     faults = FaultInjector(bus, np.random.default_rng(seed))
-    return Exchange(devices, physics, faults, schedule, **options), faults
+    return Exchange(devices, physics, faults, **options), faults

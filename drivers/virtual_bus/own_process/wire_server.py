@@ -5,10 +5,9 @@ from __future__ import annotations
 import contextlib
 import sys
 import threading
-from collections.abc import Callable
 from functools import partial
 from multiprocessing.connection import Connection
-from operator import is_, methodcaller
+from operator import is_
 
 from drivers.errors import DriverError
 from drivers.virtual_bus.own_process.shared_rows import (
@@ -24,7 +23,6 @@ from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualDevices
 from robots import Robot
 
-PERIOD = 0.008  # s of a control period, for faults of a schedule
 CHECK_PERIOD = 0.2  # s between two looks whether the buses still run
 
 
@@ -42,7 +40,7 @@ def main(commands: int, measurements: int, descriptor: int) -> None:
     except (EOFError, OSError):
         return
     try:
-        robot = MirroredRobot(described, commands, measurements, send, powered=powered)
+        robot = MirroredRobot(described, commands, measurements, powered=powered)
         with VirtualPorts(robot, time_mode=TimeMode.REAL_TIME, options=options) as ports:
             send(ports.paths)
             while ports.running:
@@ -70,13 +68,12 @@ class MirroredRobot(VirtualDevices, Physics):
         robot: Robot,
         commands: int,
         measurements: int,
-        request: Callable[[methodcaller], None],
         *,
         powered: bool,
     ) -> None:
         """Build the devices; the rows to and from the physics are named by their descriptors."""
         super().__init__(robot, powered=powered)
-        self.physics, self.time, self._request = self, 0.0, request
+        self.physics, self.time = self, 0.0
         self._commands = SharedRows(count_commands(robot.n), commands)
         self._measurements = SharedRows(count_measurements(robot.n), measurements)
         self._read = 0  # number of the newest row
@@ -102,20 +99,6 @@ class MirroredRobot(VirtualDevices, Physics):
             for chain in self.chains.values():
                 chain.advance(self.time)
             self._publish()
-
-    def pass_period(self) -> None:
-        """Advance by one control period."""
-        self.advance(self.time + PERIOD)
-
-    def heat(self, servo_id: int, temperature: float) -> None:
-        """Set the temperature of a servo [°C]."""
-        if servo_id not in [servo.id for servo in self.servos]:
-            raise ValueError(f"no servo has id {servo_id}")
-        self._request(methodcaller("heat", servo_id, temperature))
-
-    def sag(self, voltage: float) -> None:
-        """Set the supply voltage [V]."""
-        self._request(methodcaller("sag", voltage))
 
     def _sense(self) -> None:
         row = self._measurements.read(after=self._read)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import deque
 from dataclasses import dataclass
 
 from drivers.dynamixel.bus import BITS_PER_BYTE
@@ -11,7 +10,6 @@ from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.dynamixel.wire import PROTOCOL_2, Wire, encode_item
 from drivers.virtual_bus.devices.chain import Chain, Reply
 from drivers.virtual_bus.serving.fault_injector import FaultInjector, Physics
-from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 GROUP_READS = (
@@ -109,20 +107,18 @@ def byte_time(baud: int) -> float:
 
 
 class Exchange:
-    """Passes instructions to devices, advances physics, and injects scheduled faults."""
+    """Passes instructions to devices, and advances physics."""
 
     def __init__(
         self,
         devices: Chain,
         physics: Physics,
         faults: FaultInjector,
-        schedule: FaultSchedule | None = None,
         *,
         advances_time: bool = True,
     ) -> None:
         """Connect devices and physics; the parameters are those of `VirtualBus`."""
         self._devices, self._physics, self._faults = devices, physics, faults
-        self._scheduled = deque(schedule.plan_actions() if schedule else ())
         self._advances_time = advances_time
         self.statistics = WireStatistics()
         self.wire = devices.wire
@@ -137,21 +133,13 @@ class Exchange:
 
     def pass_until(self, to: float) -> None:
         """Advance to a bus time [s], or to the last physics step before it."""
-        if not self._advances_time:
-            return
-        while self._scheduled and self._scheduled[0][0] <= to:
-            at, act = self._scheduled.popleft()
-            self._physics.advance(at)
-            act(self._faults)
-        self._physics.advance(to)
+        if self._advances_time:
+            self._physics.advance(to)
 
     def pass_period(self) -> None:
-        """Advance by one control period, then inject the faults that came due in it."""
-        if not self._advances_time:
-            return
-        self._physics.pass_period()
-        while self._scheduled and self._scheduled[0][0] <= self.time:
-            self._scheduled.popleft()[1](self._faults)
+        """Advance by one control period."""
+        if self._advances_time:
+            self._physics.pass_period()
 
     def run(self, request: ReceivedInstruction) -> list[Reply]:
         """Execute an instruction; return the replies to the client, in their order on the wire."""

@@ -20,7 +20,6 @@ from drivers.real_time_class import WIRE_PRIORITY, enter_real_time_class
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.serving.exchange import Exchange, WireStatistics
 from drivers.virtual_bus.serving.fault_injector import FaultInjector, Physics
-from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.lock_step import LockStep
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 from drivers.virtual_bus.serving.real_time import RealTime
@@ -41,15 +40,13 @@ class TimeMode(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class PortOptions:
-    """Properties of a virtual port, and its faults."""
+    """Properties of a virtual port."""
 
     link: Path | str | None = None
     """Its path; None for a temporary one."""
     adapter_latency: float = 0.0
     """In real time, latency timer of the USB adapter [s] (FTDI: 0.016 as shipped, at best 0.001);
     0 for none."""
-    schedule: FaultSchedule | None = None
-    """Faults to come."""
     rng: np.random.Generator | None = None
     """Random source of faults; None for one of a fixed seed."""
 
@@ -159,9 +156,7 @@ class VirtualBus:
         self.physics = physics
         self.time_mode = time_mode
         self.faults = FaultInjector(self, options.rng or np.random.default_rng(0))
-        self._exchange = Exchange(
-            devices, self.physics, self.faults, options.schedule, advances_time=advances_time
-        )
+        self._exchange = Exchange(devices, physics, self.faults, advances_time=advances_time)
         self._options = options
         self._calls = CallQueue()
         if line is not None:

@@ -17,7 +17,6 @@ from drivers.dynamixel.control_table import table_named, table_names, types_of
 from drivers.service.scan import check_rate
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
-from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualDevices
 from humanoid_getup.commands.command import program
@@ -74,8 +73,6 @@ class ServeBus(BodyOption, SceneOptions):
     """Joints that the person turns, each by an angle [°]; with --hold."""
     lock_step: bool = False
     """Advance time with the client's sync writes of goals instead of the clock."""
-    faults: Annotated[Path | None, READ, arg(metavar="FILE")] = None
-    """TOML file of faults to inject."""
     powered: bool = False
     """Start with servo power on; without it, a client must switch it on at the board."""
     voltage: Annotated[float | None, between(1.0, 48.0, "V"), arg(metavar="V")] = None
@@ -102,11 +99,7 @@ def serve_bus(command: ServeBus) -> int:
             world = World(robot, load_scene(command.scene, robot, command.seed))
     devices = VirtualDevices(robot, powered=command.powered)
     rng = np.random.default_rng(command.seed)
-    ids = [servo.id for servo in devices.servos]
-    schedule = FaultSchedule.from_file(command.faults, ids) if command.faults else None
-    options = PortOptions(
-        link=command.link, adapter_latency=command.latency, schedule=schedule, rng=rng
-    )
+    options = PortOptions(link=command.link, adapter_latency=command.latency)
     simulation = Simulation(world, voltage=command.voltage)
     time_mode = TimeMode.LOCK_STEP if command.lock_step else TimeMode.REAL_TIME
     serving = serve_robot(simulation, time_mode=time_mode, options=options, powered=command.powered)

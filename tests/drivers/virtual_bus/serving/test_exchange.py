@@ -1,7 +1,6 @@
 """A client's bytes become instructions, these reach devices, and replies the client."""
 
 from itertools import pairwise
-from pathlib import Path
 
 from fake_devices import FakeDevices
 from fake_wire import FakeWire, exchange_with
@@ -19,7 +18,6 @@ from drivers.virtual_bus.serving.exchange import (
     expects_reply,
 )
 from drivers.virtual_bus.serving.fault_injector import LineFault
-from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 
 IDS = (1, 2, 3)
 BAUD = 1_000_000
@@ -29,25 +27,6 @@ READ = protocol2.read(2, Span(132, 4)).encode()
 def received(frame: bytes, *, baud: int = BAUD) -> ReceivedInstruction:
     (item,) = FrameParser().feed(frame)
     return ReceivedInstruction(item, len(frame), 0.0, baud)
-
-
-def test_scheduled_faults_find_physics_at_their_times(tmp_path: Path):
-    devices, file = FakeDevices(IDS), tmp_path / "faults.toml"
-    file.write_text('[[fault]]\nat = 0.01\nkind = "silence"\nfor = 0.04\n')
-    faults = FaultSchedule.from_file(file, IDS)
-    exchange, injector = exchange_with(devices, schedule=faults)
-    changes: list[tuple[float, bool]] = []
-    devices.advance = lambda now: changes.append((now, injector.silent))
-    for time in (0.005, 0.03, 0.06):
-        exchange.pass_until(time)
-    assert changes == [(0.005, False), (0.01, False), (0.03, True), (0.05, True), (0.06, False)]
-    assert exchange.time == 0.06
-    exchange, injector = exchange_with(FakeDevices(IDS), schedule=FaultSchedule.from_file(file))
-    silent = []
-    for _ in range(8):  # periods of lock-step, of 8 ms: a fault comes at the end of its own
-        exchange.pass_period()
-        silent.append(injector.silent)
-    assert silent == [False, True, True, True, True, True, False, False]
 
 
 def test_what_no_device_hears_is_unanswered_and_other_replies_are_counted():

@@ -7,15 +7,14 @@ from fake_devices import FakeDevices
 from hypothesis import given
 from hypothesis import strategies as st
 from still_physics import StillPhysics
-from waiting import LONGEST_WAIT, wait_until
+from waiting import LONGEST_WAIT
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import FrameParser, Packet, Status
-from drivers.errors import DriverError, SetupError
+from drivers.errors import DriverError
 from drivers.virtual_bus.devices.chain import Reply
 from drivers.virtual_bus.serving.fault_injector import LineFault, LineFaults
-from drivers.virtual_bus.serving.fault_schedule import KINDS, FaultSchedule
-from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus
+from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
 
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s
@@ -135,92 +134,3 @@ def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
         bus.faults.freeze_imu()
     port.write(protocol2.ping(1).encode())
     assert len(port.read(14)) == 14
-
-
-def write(tmp_path, text: str):
-    file = tmp_path / "faults.toml"
-    file.write_text(text)
-    return file
-
-
-ONE_OF_EACH = {
-    "kill": "id = 1",
-    "revive": "id = 1",
-    "reboot": "id = 1",
-    "trip": 'id = 1\nerror = "overload"',
-    "heat": "id = 1\ntemperature = 85.0",
-    "sag": "voltage = 9.5",
-    "freeze_imu": "for = 1",
-    "silence": "for = 0.5",
-    "unplug": "for = 0.5",
-    "replug": "",
-    "late": "rate = 0.1\nseconds = 0.01\nfor = 2",
-    "split": "id = 2\ncount = 3\nseconds = 0.001",
-} | {
-    fault.value: "rate = 0.01"
-    for fault in LineFault
-    if fault not in (LineFault.LATE, LineFault.SPLIT)
-}
-
-
-def test_every_kind_can_be_written_down_and_happens(tmp_path, devices: FakeDevices):
-    assert ONE_OF_EACH.keys() == KINDS.keys()
-    text = "".join(
-        f'[[fault]]\nat = 0.001\nkind = "{kind}"\n{rest}\n' for kind, rest in ONE_OF_EACH.items()
-    )
-    devices.devices[2].frozen = False  # type: ignore[attr-defined]
-    options = PortOptions(schedule=FaultSchedule.from_file(write(tmp_path, text), IDS))
-    physics = RecordingPhysics(devices)
-    with PluggedBus(devices, physics, time_mode=TimeMode.REAL_TIME, options=options) as bus:
-        wait_until(lambda: bus.plugs == 2)
-        assert (bus.faults.line.late_by, bus.faults.line.split_pause) == (0.01, 0.001)
-    assert physics.done == [("heat", 85.0), ("sag", 9.5)]
-    assert (devices.device(1).rebooted, devices.device(1).errors) == (1, 32)
-
-
-WRONG = """
-other = {}
-fault = [
-  { at = -1, kind = "kill", id = 300 },
-  { kind = "melt" },
-  { at = 1, kind = "trip", id = 9, error = "fire", color = "red" },
-  { at = 1, kind = "flip", rate = 2 },
-  { at = 1, kind = "lose", rate = 0.5, count = 0 },
-  { at = nan, kind = "sag" },
-  { at = 1, kind = "lose", for = 1 },
-  { at = true, kind = 5 },
-]
-"""
-
-
-def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
-    file = write(tmp_path, WRONG)
-    with pytest.raises(SetupError) as caught:
-        FaultSchedule.from_file(file, IDS)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert message.startswith(f"{file}: unknown table 'other', expected fault; fault 1: kill: at ")
-    for part in (
-        "fault 1: kill: at is -1, expected a number from 0 to 1e+06 s",
-        "fault 1: kill: id is 300, expected an integer from 0 to 252",
-        "fault 2: kind is 'melt', expected lose_request,",
-        "fault 3: trip: id is 9, expected 1, 2, 3",
-        "fault 3: trip: error is 'fire', expected voltage, overheating, encoder, shock, overload",
-        "fault 3: trip: unknown field 'color', expected kind, at, id, error",
-        "fault 4: flip: rate is 2, expected a number from 0 to 1",
-        "fault 5: lose: count is 0, expected an integer from 1 to",
-        "fault 5: lose: has a rate and also a count or an id, expected only one of them",
-        "fault 6: sag: at is nan",
-        "fault 6: sag: voltage is missing, expected a number from 0 to 30 V",
-        "fault 7: lose: has a duration without a rate, expected both",
-        "fault 8: kind is 5, expected",
-    ):
-        assert part in message
-    assert len(str(caught.value).split("; ")) == 14
-    for text, message in (
-        ("fault = 3", r"fault is 3, expected \[\[fault\]\] tables"),
-        ("fault = [1]", "fault 1: is 1, expected a table"),
-        ("[[fault]", "not TOML"),
-    ):
-        with pytest.raises(SetupError, match=message):
-            FaultSchedule.from_file(write(tmp_path, text))

@@ -12,12 +12,7 @@ import numpy as np
 from humanoid_getup.experiments.falls import CLASSES, classify
 from humanoid_getup.motions.action_file import PAGE_SIZE, PAGES, ActionFile, load_page
 from humanoid_getup.motions.build import try_out
-from humanoid_getup.motions.key_files import (
-    KeySequence,
-    load_animation,
-    load_key_table,
-    load_trajectory,
-)
+from humanoid_getup.motions.key_files import KeySequence, load_animation, load_key_table
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import find_out_of_range
 from humanoid_getup.motions.keyframes_writer import SYMMETRIC
@@ -33,21 +28,12 @@ TRAVEL_SPEED = 1.5  # rad/s of the joint that moves farthest, where no time is g
 LEAST_TRAVEL = 0.2  # s
 TORQUE_SHARE = 0.5  # of the strongest servo's stall torque, the torque limit that keys begin with
 IN_STANCE = 0.1  # rad; first keys closer to the stance are those of a robot that stands
-FORMATS = (
-    "an action file (.bin), a JSON animation (.json), a table (.csv) or a trajectory (.yaml, .json)"
-)
-
-
-READERS = {
-    ".json": load_animation,
-    ".csv": load_key_table,
-    ".yaml": load_trajectory,
-    ".yml": load_trajectory,
-}
+FORMATS = "an action file (.bin), a JSON animation (.json) or a table (.csv)"
+READERS = {".json": load_animation, ".csv": load_key_table}
 
 
 def load_sequences(path: Path, pages: Sequence[int], robot: Robot) -> list[KeySequence]:
-    """Load the keys of a file: pages of an action file, an animation, a table, a trajectory."""
+    """Load the keys of a file: pages of an action file, an animation, a table."""
     is_action_file = path.suffix == ".bin" or path.stat().st_size == PAGES * PAGE_SIZE
     if is_action_file:
         file = ActionFile(path)

@@ -1,9 +1,6 @@
 """Key sequences: postures and the times between them, from files of other programs.
 
-They are tables (CSV), animations of the Bit-Bots' soccer robots (JSON), and trajectories of ROS, in
-YAML or JSON: the message `JointTrajectory` as `ros2 topic echo` prints it and
-`ros2 topic pub` takes it, or the goal of `FollowJointTrajectory` with it. Velocities and
-accelerations are left out: keys are joined smoothly anyway.
+They are tables (CSV) and animations of the Bit-Bots' soccer robots (JSON).
 """
 
 from __future__ import annotations
@@ -14,26 +11,22 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
-from scipy.interpolate import PchipInterpolator
 
 from humanoid_getup.motions.motion import MAX_DURATION
 from robots import Robot
 from robots.quaternion import Array
 from robots.storage.validation import (
     name_unknown_joints,
-    on_axes,
     parse_file,
     read_table,
     reading,
     shown,
 )
-from robots.storage.yaml_text import parse_yaml
 
 MOST_KEYS = 120
 """Keys of a sequence; one with more is a recording, not keys."""
@@ -100,129 +93,6 @@ class KeyCollector:
         )
 
 
-NANOSECOND = 1e-9  # s
-CLOSE = 0.01  # rad between a trajectory and the curve through the keys that stand for it
-GOAL = "trajectory"
-KINDS = {".json": "JSON", ".yaml": "YAML", ".yml": "YAML"}
-
-Count = Annotated[int, Meta(ge=0, description="0 or more")]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Duration:
-    sec: Count = 0
-    nanosec: Count = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Point:
-    positions: Annotated[Array, on_axes(1)]
-    time_from_start: _Duration = field(default_factory=_Duration)
-
-    @property
-    def time(self) -> float:
-        return self.time_from_start.sec + self.time_from_start.nanosec * NANOSECOND
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Trajectory:
-    joint_names: tuple[str, ...]
-    points: tuple[_Point, ...]
-
-
-def load_trajectory(path: Path, robot: Robot) -> KeySequence:
-    """Read a trajectory as keys of a robot; of many points, those that matter.
-
-    Raises:
-        ValueError: naming all that is wrong with the file.
-        ModuleNotFoundError: if it is YAML and the extra `ros` is not installed.
-    """
-    language = KINDS[path.suffix]
-    with reading(str(path)) as problems:
-        content = parse_file(path, language, json.loads if language == "JSON" else parse_yaml)
-        if isinstance(content, dict) and GOAL in content:
-            content = content[GOAL]
-        if not isinstance(content, dict):
-            raise ValueError("expected joint_names and points of a JointTrajectory")
-        trajectory = read_table(_Trajectory, content, "", problems)
-        problems += [] if problems else _find_problems(trajectory, robot)
-    return _collect(trajectory, robot, path)
-
-
-def _find_problems(trajectory: _Trajectory, robot: Robot) -> list[str]:
-    names, points = trajectory.joint_names, trajectory.points
-    problems = name_unknown_joints(
-        [name for name in names if name not in robot.joint_names], robot.joint_names
-    )
-    if not names:
-        problems.append("it names no joints, expected joint_names")
-    if not points:
-        problems.append("it has no points, expected one or more")
-    for k, point in enumerate(points):
-        if len(point.positions) != len(names):
-            problems.append(
-                f"point {k + 1} has {len(point.positions)} positions, expected {len(names)}"
-            )
-            break
-    for k, (earlier, later) in enumerate(pairwise(points), 2):
-        if later.time <= earlier.time:
-            problems.append(
-                f"point {k}: time_from_start is {later.time:g} s, expected after {earlier.time:g} s"
-            )
-            break
-    return problems
-
-
-def _collect(trajectory: _Trajectory, robot: Robot, path: Path) -> KeySequence:
-    positions = np.array([point.positions for point in trajectory.points])
-    time = np.array([point.time for point in trajectory.points])
-    kept, deviation = choose_keys(time, positions)
-    indices = [robot.joint_names.index(name) for name in trajectory.joint_names]
-    collector = KeyCollector(robot=robot)
-    for k, move in zip(kept, np.diff(time[kept], prepend=time[0]), strict=True):
-        angles: Mapping[int, float] = dict(zip(indices, positions[k].tolist(), strict=True))
-        collector.add(float(move), angles)
-    notes = []
-    if len(kept) < len(time):
-        notes.append(
-            f"{len(time)} points become {len(kept)} keys; the curve through them is at most "
-            f"{deviation:.3f} rad off"
-        )
-    if missing := [name for name in robot.joint_names if name not in trajectory.joint_names]:
-        listed = ", ".join(f"'{name}'" for name in missing)
-        notes.append(f"joints {listed} are not in it: they stay in the stance")
-    return collector.finish(path.stem, path.name, tuple(notes))
-
-
-def choose_keys(
-    time: Array, positions: Array, close: float = CLOSE, most: int = MOST_KEYS
-) -> tuple[list[int], float]:
-    """Choose few points whose curve is close to all of them.
-
-    The curve of keyframes goes through the ends first, and then, one by one, through the point
-    from which it is farthest, until it is close to all, or there are as many as keys may be.
-
-    Args:
-        time: Times [s], shape (T,).
-        positions: Angles [rad], shape (T, n).
-        close: Distance that may be left [rad].
-        most: Largest number of points.
-
-    Returns:
-        Rows of the chosen points in order, and the largest distance that is left [rad].
-    """
-    if len(time) == 1:
-        return [0], 0.0
-    kept = [0, len(time) - 1]
-    while True:
-        curve = PchipInterpolator(time[kept], positions[kept], axis=0)
-        distance = np.abs(curve(time) - positions).max(axis=1)
-        farthest = int(distance.argmax())
-        if distance[farthest] <= close or len(kept) == most:
-            return kept, float(distance[farthest])
-        kept = sorted([*kept, farthest])
-
-
 Seconds = Annotated[float, Meta(ge=0.0, description="0 s or more")]
 Goals = dict[str, Annotated[float, Meta(description="a finite angle in degrees")]]
 
@@ -243,20 +113,17 @@ class _Animation:
 
 
 def load_animation(path: Path, robot: Robot) -> KeySequence:
-    """Read an animation in JSON, in the format of the Bit-Bots' soccer robots; or a trajectory.
+    """Read an animation in JSON, in the format of the Bit-Bots' soccer robots.
 
     An object with a name and ``keyframes``: each has ``goals`` (degrees by joint name), the time in
     which they are reached and that for which they are held, ``duration`` (1 if left out) and
     ``pause`` (0) [s], and may switch joints off in ``torque`` or correct them in
     ``stabilization_functions``.
     """
-    with reading(str(path)):
+    with reading(str(path)) as problems:
         content = parse_file(path, "JSON", json.loads)
         if not isinstance(content, dict):
             raise ValueError("expected an object with keyframes")
-    if GOAL in content or "points" in content:
-        return load_trajectory(path, robot)
-    with reading(str(path)) as problems:
         animation = read_table(_Animation, content, "", problems)
         given = [name for keyframe in animation.keyframes for name in keyframe.goals]
         unknown = [name for name in dict.fromkeys(given) if name not in robot.joint_names]

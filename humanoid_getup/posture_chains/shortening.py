@@ -8,10 +8,10 @@ from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.rollouts import Experiment
-from humanoid_getup.motions.key_files import choose_keys
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import FOUND, StartClass
 from humanoid_getup.motions.preference import Preference
@@ -225,8 +225,24 @@ def find_rests(keyframes: Keyframes) -> NDArray[np.bool_]:
 def thin(keyframes: Keyframes, tolerance: float) -> Keyframes:
     """Keep the keys through which a curve passes all others within a tolerance [rad], in time."""
     at, keys = np.concatenate([[0.0], np.cumsum(keyframes.duration)]), keyframes.keys
-    kept, _ = choose_keys(at, keys, tolerance, len(keys))
+    kept = choose_keys(at, keys, tolerance)
     return replace(keyframes, keys=keys[kept], duration=np.diff(at[kept]))
+
+
+def choose_keys(time: Array, positions: Array, close: float) -> list[int]:
+    """Choose few of the points (T, n) whose curve is close [rad] to all of them; return their rows.
+
+    The curve of keyframes goes through the ends first, and then, one by one, through the point
+    from which it is farthest.
+    """
+    kept = [0, len(time) - 1]
+    while True:
+        curve = PchipInterpolator(time[kept], positions[kept], axis=0)
+        distance = np.abs(curve(time) - positions).max(axis=1)
+        farthest = int(distance.argmax())
+        if distance[farthest] <= close or len(kept) == len(time):
+            return kept
+        kept = sorted([*kept, farthest])
 
 
 def without_keys(keyframes: Keyframes, keys: NDArray[np.int_]) -> Keyframes:

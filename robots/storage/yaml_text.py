@@ -11,17 +11,16 @@ PYTHON_TAG = "tag:yaml.org,2002:python/"
 MOST_NODES = MAX_TEXT // 2  # as many values as a file can hold without aliases
 
 
-def parse_yaml(text: str, *, keeps_tagged: bool = False) -> Any:
+def parse_yaml(text: str) -> Any:
     """Read the first document of a text, None if it has none; raise `ValueError` if it is no YAML.
 
-    Tagged Python objects are refused, or kept as the lists, tables or texts that they tag.
+    Tagged Python objects are kept as the lists, tables or texts that they tag.
     """
     import yaml
 
     base = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     own: Any = type("PlainLoader", (base,), {})
-    if keeps_tagged:
-        own.add_multi_constructor(PYTHON_TAG, _construct_plainly)
+    own.add_multi_constructor(PYTHON_TAG, _construct_plainly)
     loader = own(text)
     try:
         if not loader.check_node():

@@ -509,14 +509,6 @@ replay text.txt | text.txt
 replay folder | folder
 motions export none --trajectory t.yaml | none
 motions export other.npz --trajectory t.yaml | made for 'nao' with 20 joints
-[yaml] motions import nowhere.yaml | nowhere.yaml
-[yaml] motions import torn.yaml | torn.yaml: not YAML
-[yaml] motions import text.yaml | expected joint_names and points of
-motions import tail.json | unknown joint 'l_tail', expected r_sho_pitch
-motions import short.json | point 2 has 1 positions, expected 2
-motions import late.json | point 2: time_from_start is 1 s, expected after 1 s
-motions import nan.json | positions is [nan], expected a list of finite numbers
-motions import nameless.json | joint_names is missing, expected
 log export none.mcap --rosbag2 bag | flight log none.mcap: No such file
 log export text.txt --rosbag2 bag | text.txt: not an MCAP file
 log export foreign.mcap --rosbag2 bag | damaged (it does not name its robot)
@@ -655,7 +647,7 @@ GROUPS = read_table(TABLE)
 
 
 TEXTS = {
-    "text.txt text.npz text.onnx text.csv text.bvh text.amc text.yaml short.bin": "no numbers here",
+    "text.txt text.npz text.onnx text.csv text.bvh text.amc short.bin": "no numbers here",
     "empty.npz empty.onnx empty.mcap empty.json empty.bvh": "",
     "wrong.toml": '[[fault]]\nkind = "earthquake"\nat = -1\n',
     "ball.toml": "[ground]\nfrictoin = 1\n[[spheres]]\nname = 'ball'\ncenter = [0, 0, 0]\n"
@@ -671,7 +663,6 @@ TEXTS = {
     "tail.csv": "time,l_tail\n0,1\n",
     "bent.csv": "time,l_knee\n0,9\n",
     "kick.csv": "time,l_knee\n0,1\n1,2\n",
-    "torn.yaml": "joint_names: [l_knee",
     "loop.yaml": "a: &a [*a]\n",
     "trace.json": '{"robot": "op3", "joints": ["head_pan"]}',
     "scene.sdf": "<sdf/>",
@@ -694,7 +685,7 @@ def make_files(folder: Path, robot: Robot) -> None:
     (folder / "binary.json").write_bytes(b"\xff\xfe\x00")
     (folder / "unreadable").write_text("{}")
     (folder / "unreadable").chmod(0)
-    for make in (_make_styles, _make_logs, _make_trajectories, _make_actions, _make_models):
+    for make in (_make_styles, _make_logs, _make_actions, _make_models):
         make(folder)
     for make in (_make_postures, _make_motions, _make_policies, _make_robots):
         make(folder, robot)
@@ -711,22 +702,6 @@ def _make_logs(folder: Path) -> None:
             if about:
                 writer.add_metadata("flight", about)
             writer.finish()
-
-
-def _make_trajectories(folder: Path) -> None:
-    """Make trajectories of ROS with one fault each."""
-    for name, joints, *points in (
-        ("tail", ["l_tail"], (0, 0.0)),
-        ("short", ["l_knee", "r_knee"], (0, 0.0, 0.0), (1, 0.0)),
-        ("late", ["l_knee"], (1, 0.0), (1, 0.5)),
-        ("nan", ["l_knee"], (0, math.nan)),
-        ("nameless", None, (0, 0.0)),
-    ):
-        record: dict[str, object] = {"joint_names": joints} if joints else {}
-        record["points"] = [
-            {"positions": angles, "time_from_start": {"sec": second}} for second, *angles in points
-        ]
-        (folder / f"{name}.json").write_text(json.dumps(record))
 
 
 def _make_models(folder: Path) -> None:

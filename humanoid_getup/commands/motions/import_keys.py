@@ -12,7 +12,7 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import needing, refusing
+from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.files import READ, check_file
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.motions.build_motions import BuildRequest
@@ -51,12 +51,11 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
     """Add the keys of another program's file to the robot's keyframes.
 
     The file is a ROBOTIS action file (.bin), a JSON animation (.json) with keyframes of goals in
-    degrees, a table (.csv) with a column time and one for each joint, or a JointTrajectory of ROS
-    (.yaml, .json).
+    degrees, or a table (.csv) with a column time and one for each joint.
     """
 
     file: Annotated[Positional[Path], READ, arg(metavar="FILE")]
-    """File of another program: .bin, .json, .csv or .yaml."""
+    """File of another program: .bin, .json or .csv."""
     page: Annotated[tuple[int, ...], arg(metavar="N,...")] = ()
     """Pages of an action file; their following pages are played as well."""
     name: str = ""
@@ -90,7 +89,7 @@ def import_keys(request: ImportKeysRequest, monitor: ProgressMonitor) -> AddedKe
     """Read another program's file, find how the robot starts, and add the keys."""
     robot = load_robot(request)
     path = find_target(request, robot)
-    with refusing(), needing("ros"):
+    with refusing():
         sequences = load_sequences(request.file, request.page, robot)
     imported = [
         make_keyframes(each, robot, name=request.name, end_class=request.end, clip=request.clip)

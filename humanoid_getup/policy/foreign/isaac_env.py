@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -74,7 +73,7 @@ def read_isaac_env(
 ) -> ForeignPolicy:
     """Read an env.yaml; the order of the joints is given, as it has none."""
     with reading(str(file)):  # tagged Python objects are the lists or tables that they tag
-        values = parse_file(file, "YAML", partial(parse_yaml, keeps_tagged=True))
+        values = parse_file(file, "YAML", parse_yaml)
     if not isinstance(values, dict):
         raise ValueError(f"{file} holds no table, expected Isaac Lab's env.yaml")
     config, name = Config(file.name, values), file.name

@@ -38,6 +38,11 @@ class GroundTruth:
         return self.data.site_xpos.copy()
 
     @property
+    def site_mat(self) -> Array:
+        """Return a copy of the axes of all sites in the world, (nsite, 9)."""
+        return self.data.site_xmat.copy()
+
+    @property
     def posture(self) -> Posture:
         """Return root position, root orientation and joint angles."""
         qpos, layout = self.data.qpos, self._layout

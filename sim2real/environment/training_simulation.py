@@ -60,7 +60,7 @@ class TrainingSim(VecSim):
             self._fields |= {
                 name: self.batch.expand(name) for name in ("actuator_delay", "sensor_delay")
             }
-        self.bind("xfrc_applied", "history", "site_xpos", "sensordata")
+        self.bind("xfrc_applied", "history", "site_xpos", "site_xmat", "sensordata")
         self._backlash = np.zeros((n, self.robot.n))  # encoder minus link angle by it [rad]
         self._torque = np.zeros((n, self.robot.n))  # of the servos after the last step [N·m]
         self.set_parameters(self.everyone, self.parameters)
@@ -155,7 +155,7 @@ class TrainingSim(VecSim):
         root = qpos[:, layout.root_qpos + 3 : layout.root_qpos + 7]
         head_velocity = sensors[:, self._addresses.head_velocity]
         contact = self.world.find_non_foot_contact(sensors)
-        stance = self._meter.measure(qpos, sites, contact)
+        stance = self._meter.measure(qpos, sites, self.read("site_xmat"), contact)
         root_vel = qvel[:, layout.root_dof : layout.root_dof + 6]
         return PrivilegedState(
             height=stance.neck_height / size,

@@ -18,7 +18,10 @@ def make_record(robot: Robot, shape: tuple[int, ...], period: float, **changes: 
     joints = np.zeros((*shape, robot.n))
     height = np.full(shape, robot.standing_neck_height)
     stance = Stance(
-        neck_height=height, tilt=np.zeros(shape), non_foot_contact=np.zeros(shape, dtype=bool)
+        neck_height=height,
+        tilt=np.zeros(shape),
+        sole_rise=np.zeros(shape),
+        non_foot_contact=np.zeros(shape, dtype=bool),
     )
     values: dict[str, Any] = {
         "layout": Layout(

@@ -57,7 +57,8 @@ class GroundTruthJudge:
         self._joint_state: list[tuple[Array, Array, Array]] = []
         """Speeds, torques, actuator speeds."""
         self._qpos: list[Array] = []
-        self._site_pos: list[Array] = []
+        self._sites: list[tuple[Array, Array]] = []
+        """Positions and axes."""
         self._depth: list[tuple[float, float]] = []
         """Depth of self-penetration and in the ground."""
         self._touch: list[tuple[bool, bool, bool]] = []
@@ -75,7 +76,7 @@ class GroundTruthJudge:
         truth = self._simulation.truth
         touching, head = truth.touching_bodies, self._head
         self._qpos.append(truth.qpos)
-        self._site_pos.append(truth.site_pos)
+        self._sites.append((truth.site_pos, truth.site_mat))
         self._joint_state.append(
             (truth.joint_vel.copy(), truth.joint_torque.copy(), self._simulation.torque_vel)
         )
@@ -96,7 +97,7 @@ class GroundTruthJudge:
         if not self._qpos or self._touch[-1][0] or not self._simulation.truth.is_erect(MAX_TILT):
             return False
         touch = np.array(False)
-        stance = self._meter.measure(self._qpos[-1], self._site_pos[-1], touch)
+        stance = self._meter.measure(self._qpos[-1], *self._sites[-1], touch)
         return bool(is_upright(stance, self._simulation.robot))
 
     def end(self) -> bool:
@@ -117,11 +118,12 @@ class GroundTruthJudge:
         robot, model = self._simulation.robot, self._simulation.model
         n = len(self._speed)  # whole samples: the thread of a virtual bus may be adding one
         qpos = np.array(self._qpos[:n]).reshape(-1, model.nq)
-        sites = np.array(self._site_pos[:n]).reshape(-1, model.nsite, 3)
+        sites = np.array([pos for pos, _ in self._sites[:n]]).reshape(-1, model.nsite, 3)
+        axes = np.array([mat for _, mat in self._sites[:n]]).reshape(-1, model.nsite, 9)
         joints = np.array(self._joint_state[:n]).reshape(-1, 3, robot.n)
         depth, speed = (np.array(rows[:n]).reshape(-1, 2) for rows in (self._depth, self._speed))
         touch = np.array(self._touch[:n], dtype=bool).reshape(-1, 3)
-        stance = self._meter.measure(qpos, sites, touch[:, 0])
+        stance = self._meter.measure(qpos, sites, axes, touch[:, 0])
         return Record(
             layout=robot.layout(model),
             period=self._simulation.period,
@@ -257,7 +259,7 @@ def record_joints(robot: Robot, states: Sequence[State], period: float) -> Recor
         period=period,
         voltage=np.array(robot.supply_voltage),
         upright=none,
-        stance=Stance(neck_height=unknown, tilt=unknown, non_foot_contact=none),
+        stance=Stance(neck_height=unknown, tilt=unknown, sole_rise=unknown, non_foot_contact=none),
         qpos=angles,
         joint_vel=velocity,
         neck=np.full((len(states), 3), np.nan),

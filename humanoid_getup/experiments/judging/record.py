@@ -137,6 +137,7 @@ RECORDED = (
     "qpos",
     "qvel",
     "site_xpos",
+    "site_xmat",
     "sensordata",
     "actuator_force",
     "actuator_velocity",
@@ -166,7 +167,8 @@ class Recorder:
         The supply of each robot [V] is (N,), and whether its physics diverged.
         """
         world, contact, sites = self._world, data["sensordata"], data["site_xpos"]
-        stance = self._meter.measure(data["qpos"], sites, world.find_non_foot_contact(contact))
+        touch = world.find_non_foot_contact(contact)
+        stance = self._meter.measure(data["qpos"], sites, data["site_xmat"], touch)
         count, samples = stance.tilt.shape
         return Record(
             layout=self._layout,

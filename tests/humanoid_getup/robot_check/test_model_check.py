@@ -175,6 +175,7 @@ def test_a_fall_is_reported_with_height_and_tilt_and_nothing_of_heat(world: Worl
     stance = Stance(
         neck_height=np.full(shape, 0.4 * world.robot.standing_neck_height),
         tilt=np.full(shape, np.radians(80.0)),
+        sole_rise=np.zeros(shape),
         non_foot_contact=np.ones(shape, dtype=bool),
     )
     upright = np.arange(CYCLES)[None] < CYCLES - 1  # it falls at the very end

@@ -34,6 +34,7 @@ def stance(robot: Robot, height: np.ndarray, tilt: float = 0.0, touch: bool = Fa
     return Stance(
         neck_height=height * robot.standing_neck_height,
         tilt=np.full(height.shape, tilt),
+        sole_rise=np.zeros(height.shape),
         non_foot_contact=np.full(height.shape, touch),
     )
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from humanoid_getup.experiments.judging.standing import (
 )
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from robots import Posture, load_robot, quaternion
+from robots.kinematics import lowest_point
 
 PERIOD = 0.01
 
@@ -37,20 +40,24 @@ def test_a_stand_shorter_than_three_seconds_is_none():
 
 
 @pytest.mark.parametrize(
-    ("neck_share", "tilt_deg", "contact", "expected"),
+    ("neck_share", "tilt_deg", "sole_share", "contact", "expected"),
     [
-        (1.0, 0.0, False, True),
-        (0.901, 14.9, False, True),
-        (0.899, 0.0, False, False),  # crouching
-        (1.0, 15.1, False, False),  # leaning
-        (1.0, 0.0, True, False),  # propped on a hand
-        (0.66, 0.0, False, False),  # sitting
+        (1.0, 0.0, 0.0, False, True),
+        (0.901, 14.9, 0.079, False, True),
+        (0.899, 0.0, 0.0, False, False),  # crouching
+        (1.0, 15.1, 0.0, False, False),  # leaning
+        (1.0, 0.0, 0.081, False, False),  # on its toes
+        (1.0, 0.0, 0.0, True, False),  # propped on a hand
+        (0.66, 0.0, 0.0, False, False),  # sitting
     ],
 )
-def test_only_an_upright_robot_on_its_feet_stands(robot, neck_share, tilt_deg, contact, expected):
+def test_only_an_upright_robot_on_flat_soles_stands(
+    robot, neck_share, tilt_deg, sole_share, contact, expected
+):
     stance = Stance(
         neck_height=np.array([neck_share * robot.standing_neck_height]),
         tilt=np.array([np.radians(tilt_deg)]),
+        sole_rise=np.array([sole_share * robot.standing_neck_height]),
         non_foot_contact=np.array([contact]),
     )
     upright = is_upright(stance, robot)
@@ -72,9 +79,48 @@ def test_the_neck_is_measured_over_the_mean_of_what_is_under_the_feet(tiny):
         return np.where(point[..., 1] > 0.05, 0.1, 0.02) + point[..., 0]
 
     meter = StanceMeter(tiny, twin.model, step)
-    stance = meter.measure(twin.truth.qpos, twin.truth.site_pos, np.array(False))
+    truth = twin.truth
+    stance = meter.measure(truth.qpos, truth.site_pos, truth.site_mat, np.array(False))
     assert stance.neck_height == pytest.approx(0.199 - 0.06 - 0.3)
     assert stance.tilt == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(("left", "right", "stands"), [(0.0, 0.0, True), (9.1, 35.0, False)])
+def test_a_lunge_on_the_toes_of_one_foot_is_no_stand(op3, world, left, right, stands):
+    """The left leg is bent on its flat sole, until the toes of the right foot touch as well."""
+    twin, meter = Twin(world), StanceMeter(op3, world.model)
+    bent = {"l_hip_pitch": -left, "l_knee": 2.0 * left, "l_ank_pitch": left, "r_knee": -right}
+    angles = op3.standing.joint_pos.copy()
+    for name, degrees in bent.items():
+        angles[op3.joint_names.index(name)] += np.radians(degrees)
+    twin.place(replace(op3.standing, joint_pos=angles))
+    low = lowest_point(world.model, twin.truth.qpos)
+    standing = op3.standing.position - [0.0, 0.0, low]
+    twin.place(replace(op3.standing, position=standing, joint_pos=angles))
+    truth = twin.truth
+    assert truth.site_pos[[-2, -1], 2] == pytest.approx([0.0, 0.036 if right else 0.0], abs=3e-3)
+    by_truth = meter.measure(truth.qpos, truth.site_pos, truth.site_mat, np.array(False))
+    by_sensors = meter.estimate(op3.standing.orientation[None], angles[None])
+    for stance in (by_truth, by_sensors):
+        assert np.all(stance.neck_height > 0.92 * op3.standing_neck_height)
+        assert np.all(is_upright(stance, op3) == stands)
+    turned = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.radians(20.0))
+    on_slope = meter.estimate(turned[None], angles[None])
+    np.testing.assert_allclose(on_slope.sole_rise, by_sensors.sole_rise, atol=1e-6)
+
+
+def test_soles_are_flat_on_the_ground_below_them(op3, world):
+    """Of a robot with its hips and ankles level, that stands on a slope along x."""
+    twin = Twin(world)
+    twin.place(op3.standing)
+    truth, flat = twin.truth, np.array(False)
+
+    def measure(slope: float) -> float:
+        meter = StanceMeter(op3, world.model, lambda point: slope * point[..., 0])
+        return float(meter.measure(truth.qpos, truth.site_pos, truth.site_mat, flat).sole_rise)
+
+    assert measure(0.0) == pytest.approx(0.0, abs=1e-3)
+    assert measure(0.2) < 0.08 * op3.standing_neck_height < measure(0.8)
 
 
 def test_twin_rollout_and_sensors_measure_the_same_stance(op3, world):
@@ -83,15 +129,16 @@ def test_twin_rollout_and_sensors_measure_the_same_stance(op3, world):
     truth, meter = twin.truth, StanceMeter(op3, world.model)
     feet = np.array([world.model.body(f"{side}_ank_roll_link").id for side in "lr"])
     contact = np.array(not np.isin(truth.touching_bodies, feet).all())
-    by_truth = meter.measure(truth.qpos, truth.site_pos, contact)
+    by_truth = meter.measure(truth.qpos, truth.site_pos, truth.site_mat, contact)
     sim = VecSim(world, 1)
-    sim.bind("site_xpos", "sensordata")
+    sim.bind("site_xpos", "site_xmat", "sensordata")
     sim.place(sim.everyone, truth.qpos[None])
-    vectorized = meter.measure(
-        sim.qpos, sim.read("site_xpos"), world.find_non_foot_contact(sim.read("sensordata"))
-    )
+    touch = world.find_non_foot_contact(sim.read("sensordata"))
+    vectorized = meter.measure(sim.qpos, sim.read("site_xpos"), sim.read("site_xmat"), touch)
     by_sensors = meter.estimate(op3.standing.orientation[None], op3.standing.joint_pos[None])
     assert vectorized.neck_height[0] == by_truth.neck_height
     assert vectorized.tilt[0] == by_truth.tilt == by_sensors.tilt[0]
     assert vectorized.non_foot_contact[0] == by_truth.non_foot_contact == False  # noqa: E712
     assert by_sensors.neck_height[0] == pytest.approx(by_truth.neck_height, abs=1e-6)
+    assert vectorized.sole_rise[0] == by_truth.sole_rise
+    assert by_sensors.sole_rise[0] == pytest.approx(by_truth.sole_rise, abs=1e-3)

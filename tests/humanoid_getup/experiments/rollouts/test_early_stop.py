@@ -74,6 +74,7 @@ def chunk(robot, neck=1.0, tilt=0.0, **changes):
     stance = Stance(
         neck_height=np.broadcast_to(neck * robot.standing_neck_height, shape),
         tilt=np.broadcast_to(tilt, shape),
+        sole_rise=np.zeros(shape),
         non_foot_contact=np.zeros(shape, dtype=bool),
     )
     return make_record(robot, shape, PERIOD, stance=stance, **changes)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances import Scenarios
-from humanoid_getup.posture_chains.features import StandMeter
+from humanoid_getup.posture_chains.goal import TIMES, Goal
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
 from humanoid_getup.posture_chains.resting_state import (
@@ -30,11 +30,9 @@ WORLDS, FEWER_WORLDS = 5, 3
 """In which a new state must be reached, and in a hard search; the first is undisturbed."""
 BATCH = 64  # moves that are tried at a time
 NEAR_STAND = 0.6  # progress from which rises to the stance, and slow moves, are tried
-RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
 SLOW_TIMES = (1.6, 3.0)  # s for OP3, of moves to ways up that quick ones do not reach
 SLOW_PAIRS = 4  # of a batch, one in so many is tried with such a move
 SLOWER = 3.0  # factor on the time of a turn of random moves from states near to a stand
-SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
 PLAYED = 8  # worlds in which whole chains are played, the first undisturbed
 MOST_JUDGED = 16  # chains of a batch that are played whole
 TOGETHER = 4  # of these, at once: where one stands undisturbed, no others are played
@@ -67,11 +65,12 @@ class ChainTools:
         rng: np.random.Generator,
         settings: SearchSettings | None = None,
         moves: RandomMoves | None = None,
+        goal: Goal | None = None,
     ) -> None:
-        """Find the balanced squats from which a robot stands up; make moves if none are given."""
+        """Find ways to a goal, by default a stand; make moves if none are given."""
         self.settings = settings or SearchSettings()
         self.world, self.rng = world, rng
-        self.meter = StandMeter(world)
+        self.goal = goal or Goal(world)
         self.player = self._make_player()
         self.moves = moves or RandomMoves(world.robot, rng)
         self.ways_up = WaysUp(self.player, self.moves, rng)
@@ -88,7 +87,7 @@ class ChainTools:
         settings = self.settings
         return MovePlayer(
             self.world,
-            self.meter,
+            self.goal,
             self.rng,
             limit=settings.limit,
             weakest=settings.weakest,
@@ -220,7 +219,7 @@ class ChainSearch:
     def _list_near(self) -> list[RestingState]:
         """List states near to a stand from which no rise was tried yet, the nearest first."""
         near = [s for s in self.archive if s.progress > NEAR_STAND and s not in self.risen]
-        each = 2 * len(RISE_TIMES) - 1
+        each = 2 * len(TIMES) - 1
         near = sorted(near, key=lambda s: -s.progress)[: self._tools.settings.batch // each]
         self.risen |= {*near}
         return near
@@ -228,14 +227,10 @@ class ChainSearch:
     def _make_rises(
         self, states: list[RestingState]
     ) -> tuple[list[RestingState], list[PostureMove]]:
-        """Make moves straight to the stance, and through higher squats."""
-        moves, scale = self._tools.moves, self._player.scale
-        begun, rises = list[RestingState](), list[PostureMove]()
+        """Make moves straight to the goal."""
+        tools, begun, rises = self._tools, list[RestingState](), list[PostureMove]()
         for state in states:
-            neck = float(self._tools.meter.measure(state.qpos[None]).neck[0])
-            higher = moves.squats.targets[moves.squat_necks > neck - SQUAT_MARGIN]
-            ways = [moves.rise(higher[:0], time * scale) for time in RISE_TIMES]
-            ways += [moves.rise(higher, time * scale) for time in RISE_TIMES[1:]]
+            ways = tools.goal.list_moves(state, tools.moves, self._player.scale)
             begun += [state] * len(ways)
             rises += ways
         return begun, rises

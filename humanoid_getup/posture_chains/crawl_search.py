@@ -11,6 +11,7 @@ from humanoid_getup.experiments.disturbances import Disturbance, Scenarios
 from humanoid_getup.experiments.judging.torque import count_runs, find_saturation
 from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.posture_chains.features import PlaceMeter
+from humanoid_getup.posture_chains.goal import Goal
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import Archive
@@ -77,8 +78,8 @@ class CrawlSearch:
         the torso (..., 3) to distances (...) [m], of which ``near`` is near enough; the budget is
         simulated time [s].
         """
-        meter = PlaceMeter(self._world, distance)
-        player = MovePlayer(self._world, meter, rng, limit=self._limit, threads=self._threads)
+        place_goal = Goal(self._world, PlaceMeter(self._world, distance))
+        player = MovePlayer(self._world, place_goal, rng, limit=self._limit, threads=self._threads)
         archive, goal = Archive(), 1.0 - ROOM * near / leg_length(self._world.robot)
         lying = place(self._world.robot, self._world.model, start)
         archive.add(player.describe(lying, start.joint_pos))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.simulation.world import World
 from robots import quaternion
+from robots.body.limbs import LEGS, Limbs
 from robots.body.parts import leg_length
 from robots.kinematics import place
 from robots.quaternion import Array
@@ -140,7 +141,43 @@ class PlaceMeter:
         )
 
 
-Meter = StandMeter | PlaceMeter
+LEGS_STEP, MOST_LEGS = 0.25, 6  # rad RMS of a cell, and cells
+ARRIVED = 0.75  # progress of robots that are at a posture
+
+
+class PostureMeter:
+    """Measures how near robots are to a posture: by the attitude of the torso and by the legs."""
+
+    def __init__(self, world: World, qpos: Array) -> None:
+        """Prepare for MuJoCo positions (nq,)."""
+        self._world, self._stand = world, StandMeter(world)
+        self._layout, limbs = world.robot.layout(world.model), Limbs(world.robot)
+        self._legs = np.array([k for name in LEGS for k in limbs.all[name].joints])
+        self._up, self._angles = self._read(qpos[None])
+
+    def _read(self, qpos: Array) -> tuple[Array, Array]:
+        angles = qpos[:, self._layout.qpos][:, self._legs]
+        return _find_up(qpos[:, self._layout.root_orientation]), angles
+
+    def measure(self, qpos: Array) -> Features:
+        """Measure robots at MuJoCo positions (K, nq)."""
+        up, angles = self._read(qpos)
+        turned = np.arccos(np.clip(up @ self._up[0], -1.0, 1.0))
+        far = np.sqrt(np.mean((angles - self._angles) ** 2, axis=1))
+        neck = self._stand.measure(qpos).neck
+        cells = [
+            np.round(up / GRAVITY_STEP),
+            np.floor(neck / NECK_STEP),
+            np.minimum(np.floor(far / LEGS_STEP), MOST_LEGS),
+        ]
+        return Features(
+            progress=np.exp(-turned - far),
+            cells=np.column_stack(cells).astype(int),
+            places=np.hstack([up, neck[:, None], 0.5 * far[:, None]]),
+        )
+
+
+Meter = StandMeter | PlaceMeter | PostureMeter
 
 
 def _measure_apart(soles: Array) -> Array:

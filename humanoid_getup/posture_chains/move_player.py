@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances import USUAL, Disturbance, Normal, Scenarios, Uniform
-from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.judging.torque import find_saturation
 from humanoid_getup.experiments.rollouts import Experiment
-from humanoid_getup.posture_chains.features import Meter
+from humanoid_getup.posture_chains.goal import Goal
 from humanoid_getup.posture_chains.resting_state import (
     Archive,
     Arrivals,
@@ -78,14 +77,14 @@ class MovePlayer:
     def __init__(
         self,
         world: World,
-        meter: Meter,
+        goal: Goal,
         rng: np.random.Generator,
         *,
         limit: TorqueLimit = FULL_TORQUE,
         weakest: float = 1.0,
         threads: int = 0,
     ) -> None:
-        """Prepare for a world, for what is measured, and for a torque limit of every servo.
+        """Prepare for a world, for where moves are to lead, and for a torque limit of every servo.
 
         In every other disturbed world, ``weakest`` is the share of that limit that is left.
         """
@@ -98,7 +97,7 @@ class MovePlayer:
         torque = full if limit.value is None else np.minimum(full, limit.value)
         self._most_lead = np.abs(world.robot.compute_lead(PRESSING * torque))
         self._layout = world.robot.layout(world.model)
-        self._meter = meter
+        self.goal, self._meter = goal, goal.meter
         self.scale = measure_time_scale(world.robot)
         """Times of this robot over those of OP3."""
         self.simulated = 0.0
@@ -254,9 +253,10 @@ class MovePlayer:
         """Play targets (M, T, n) in scenarios; find where more chains than permitted are lost."""
         each = len(scenarios)
         sent = np.repeat(targets, each, axis=0)
-        record = experiment.play(scenarios.tile(len(targets)), sent, stop_early=True)
+        tiled = scenarios.tile(len(targets))
+        record = experiment.play(tiled, sent, stop_early=self.goal.is_stand)
         self.simulated += record.duration
-        stood = Outcome(record, self.world.robot).stood.reshape(-1, each)
+        stood = self.goal.is_held(record).reshape(-1, each)
         lost, fallen = np.full(len(paths), STANDS), np.sum(~stood, axis=1)
         found = Followed(lost=lost, fallen=fallen, stand=stood[:, 0])
         for k in np.flatnonzero(found.fallen > misses):
@@ -313,7 +313,7 @@ class MovePlayer:
             features=self._meter.measure(ends),
             rests=(rests & ~presses).reshape(-1, each),
             presses=(rests & presses).reshape(-1, each),
-            stands=record.upright[:, -self._rest_steps :].all(axis=1).reshape(-1, each),
+            stands=self.goal.is_reached(record, self._rest_steps).reshape(-1, each),
         )
 
     def _sample(

@@ -161,7 +161,7 @@ def _restore(
     arrays: dict[str, Any], discovery: ChainDiscovery, load: Callable[[str], Motion]
 ) -> None:
     tools, sides, archives = discovery.tools, discovery.sides, _list_archives(discovery)
-    stored = StoredStates(arrays, tools.world, tools.settings.worlds)
+    stored = StoredStates(arrays, tools.world, tools.goal, tools.settings.worlds)
     ups, count, read_numbers = tools.ways_up, len(stored.states), stored.read_numbers
     members = stored.read_archives(len(archives))
     draws = read_numbers("draws", arrays[MEMBERS].shape, np.inf)
@@ -169,7 +169,7 @@ def _restore(
         if np.any(drawn[: len(states)] < 0):
             raise ValueError("draws says of a state that it was drawn fewer than 0 times")
         archive.restore(states, drawn[: len(states)].tolist())
-    ups.stance = next(iter(ups)).root
+    ups.goal = next(iter(ups)).root
     risen = read_numbers("risen", (len(sides), None), count)
     for each, row in zip(sides, risen, strict=True):
         each.search.start = next(iter(each.search.archive)).path[0]

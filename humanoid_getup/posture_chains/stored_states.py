@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.posture_chains.features import StandMeter
+from humanoid_getup.posture_chains.goal import Goal
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from humanoid_getup.simulation.world import World
-from robots.kinematics import place
 from robots.quaternion import Array
 from robots.storage.arrays import to_numbers
 
@@ -85,9 +84,9 @@ def pad(rows: Sequence[Sequence[int]]) -> np.ndarray:
 class StoredStates:
     """Moves and resting states of a search, checked against the world in which it searches."""
 
-    def __init__(self, arrays: dict[str, Any], world: World, worlds: int) -> None:
+    def __init__(self, arrays: dict[str, Any], world: World, goal: Goal, worlds: int) -> None:
         """Read the arrays of a file of a search that checks its states in so many worlds."""
-        self._arrays, self._world, self._others = arrays, world, worlds - 1
+        self._arrays, self._world, self._goal, self._others = arrays, world, goal, worlds - 1
         self.moves = self._read_moves()
         self.states = self._read_states()
 
@@ -150,14 +149,12 @@ class StoredStates:
         for key, positions in (("qpos", qpos), ("arrivals", arrivals)):
             if np.any(np.abs(np.linalg.norm(positions[..., root], axis=-1) - 1.0) > UNIT):
                 raise ValueError(f"{key} holds a quaternion of another length than 1")
-        stance = StandMeter(world).measure(
-            place(world.robot, world.model, world.robot.standing)[None]
-        )
+        goal = self._goal.meter.measure(self._goal.qpos[None])
         progress = to_numbers(arrays["progress"], "progress", (len(qpos),))
         if np.any(progress > 1.0 + UNIT):
             raise ValueError(f"progress holds {progress.max():g}, expected at most 1")
-        where = to_numbers(arrays["place"], "place", (len(qpos), stance.places.shape[1]))
-        cell = to_numbers(arrays["cell"], "cell", (len(qpos), stance.cells.shape[1])).astype(int)
+        where = to_numbers(arrays["place"], "place", (len(qpos), goal.places.shape[1]))
+        cell = to_numbers(arrays["cell"], "cell", (len(qpos), goal.cells.shape[1])).astype(int)
         depth = self.read_numbers("depth", (len(qpos),), np.inf)
         links = self.read_numbers("links", (len(qpos), 4), max(len(qpos), len(self.moves)))
         states, moves = dict[int, RestingState](), dict(enumerate(self.moves))

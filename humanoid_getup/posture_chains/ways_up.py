@@ -50,16 +50,15 @@ class WaysUp:
     """Finds ways up from the stance downwards: a move away is kept if the move back leads back."""
 
     def __init__(self, player: MovePlayer, moves: RandomMoves, rng: np.random.Generator) -> None:
-        """Begin with the stance and the balanced squats from which it is reached."""
+        """Begin with the goal, and balanced postures from which it is reached."""
         self._player, self._moves = player, moves
-        world = player.world
-        stance = place(world.robot, world.model, world.robot.standing)
-        self.stance = player.describe(stance, world.robot.standing.joint_pos)
+        self.goal = player.describe(player.goal.qpos, player.goal.target)
         self.archive = Archive(downwards=True)
-        self.archive.add(self.stance)
+        self.archive.add(self.goal)
         self.paired: set[Pair] = set()
         """Pairs whose connection was tried."""
-        self._add_squats()
+        if player.goal.is_stand:
+            self._add_squats()
         self._add_balanced(rng)
 
     def __iter__(self) -> Iterator[RestingState]:
@@ -107,7 +106,7 @@ class WaysUp:
         for first in range(0, len(order), count):
             rows = order[first : first + count]
             states, moves = [entries[k] for k in rows], [onward[k] for k in rows]
-            self._check(self._try_onward(states, moves, [self.stance] * len(rows)))
+            self._check(self._try_onward(states, moves, [self.goal] * len(rows)))
 
     def _try_onward(
         self, states: list[RestingState], onward: list[PostureMove], ups: list[RestingState]
@@ -121,7 +120,7 @@ class WaysUp:
 
     def add_chain(self, last: RestingState, first: int = 0) -> None:
         """File the states of a chain to a stand, from one of its path on: each has a way up."""
-        after = self.stance
+        after = self.goal
         for state in last.path[:first:-1]:
             if state.before is None:
                 return
@@ -210,7 +209,7 @@ class WaysUp:
         for state in self._hold(squats):
             k = int(np.flatnonzero((squats.targets == state.target).all(axis=1))[0])
             onward = self._moves.rise(squats.targets[:k], SQUAT_TIME * self._player.scale)
-            new.append(replace(state, after=self.stance, onward=onward, depth=1))
+            new.append(replace(state, after=self.goal, onward=onward, depth=1))
         self._check(new)
 
     def _check(self, states: list[RestingState]) -> None:

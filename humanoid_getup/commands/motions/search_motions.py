@@ -65,7 +65,7 @@ class NearestStand:
         chains = each.search.chains
         path = tools.player.trace(chains[0]) if chains else each.search.archive.best.path
         qpos = np.array([state.qpos for state in path])
-        neck = float(tools.meter.measure(qpos[-1:]).neck[0])
+        neck = tools.goal.measure_neck(qpos[-1])
         return cls(side=each.side, moves=len(path) - 1, neck=neck, stands=bool(chains), qpos=qpos)
 
     def describe(self) -> str:

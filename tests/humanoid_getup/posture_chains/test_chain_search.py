@@ -16,7 +16,7 @@ from humanoid_getup.posture_chains.chain_search import (
     ChainTools,
     ShortcutFinder,
 )
-from humanoid_getup.posture_chains.features import StandMeter
+from humanoid_getup.posture_chains.goal import Goal
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
@@ -39,7 +39,7 @@ def test_ways_up_begin_with_squats_from_which_a_robot_stands_up(few_tools: Chain
     ends = few_tools.player.check(squats, onward, 17)
     assert ends.stands[:, 0].all()
     assert ends.stands[:, 1:].mean() > 0.95  # in disturbed worlds in which they were not checked
-    assert all(up.progress < few_tools.ways_up.stance.progress for up in squats)
+    assert all(up.progress < few_tools.ways_up.goal.progress for up in squats)
 
 
 def test_entry_frames_of_known_motions_are_ways_up_where_they_lead_to_a_stand(world, few_tools):
@@ -89,7 +89,7 @@ def test_a_move_that_is_kept_ends_at_rest_alike_in_disturbed_worlds(few_tools, l
 
 
 def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(few_tools: ChainTools, world: World):
-    stance, home = few_tools.ways_up.stance, world.robot.standing.joint_pos
+    stance, home = few_tools.ways_up.goal, world.robot.standing.joint_pos
     bent, robot = home.copy(), world.robot
     left, right = (robot.joint_names.index(name) for name in ("l_ank_pitch", "r_ank_pitch"))
     bent[left] += 0.7
@@ -142,7 +142,7 @@ def chain(world: World) -> PostureChain:
 
 @pytest.fixture(scope="module")
 def player(world: World) -> MovePlayer:
-    return MovePlayer(world, StandMeter(world), np.random.default_rng(0), threads=1)
+    return MovePlayer(world, Goal(world), np.random.default_rng(0), threads=1)
 
 
 @pytest.fixture(scope="module")

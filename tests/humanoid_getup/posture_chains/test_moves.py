@@ -7,6 +7,7 @@ import pytest
 from made_up_states import make_state
 
 from humanoid_getup.posture_chains.features import StandMeter
+from humanoid_getup.posture_chains.goal import Goal
 from humanoid_getup.posture_chains.move_player import Arrivals, MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove
@@ -53,7 +54,7 @@ HELD, SUNK = 0.02, 0.04  # rad off the angles of a squat, with its targets and w
 
 @pytest.fixture(scope="module")
 def player(world: World) -> MovePlayer:
-    return MovePlayer(world, StandMeter(world), np.random.default_rng(0), threads=1)
+    return MovePlayer(world, Goal(world), np.random.default_rng(0), threads=1)
 
 
 def hold(player: MovePlayer, qpos: list[Array], targets: Array) -> Arrivals:

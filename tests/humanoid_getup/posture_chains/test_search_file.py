@@ -84,14 +84,14 @@ def test_a_restored_search_goes_on_alike(world: World, saved: tuple[Path, ChainD
 def test_a_search_goes_on_where_another_state_has_replaced_the_stance(world: World, tmp_path: Path):
     discovery, path = begin(world), tmp_path / "search.npz"
     ups = discovery.tools.ways_up
-    squat = next(up for up in ups if up.after is ups.stance)
-    assert ups.archive.add(replace(squat, cell=ups.stance.cell))
-    assert not any(up is ups.stance for up in ups)
+    squat = next(up for up in ups if up.after is ups.goal)
+    assert ups.archive.add(replace(squat, cell=ups.goal.cell))
+    assert not any(up is ups.goal for up in ups)
     write(path, discovery)
     restored = begin(world)
     restore(path, restored)
-    assert np.array_equal(restored.tools.ways_up.stance.qpos, ups.stance.qpos)
-    assert all(up.root is restored.tools.ways_up.stance for up in restored.tools.ways_up)
+    assert np.array_equal(restored.tools.ways_up.goal.qpos, ups.goal.qpos)
+    assert all(up.root is restored.tools.ways_up.goal for up in restored.tools.ways_up)
 
 
 @pytest.mark.parametrize(

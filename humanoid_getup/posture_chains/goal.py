@@ -1,0 +1,80 @@
+"""Goals of a search for chains: a held stand, or a posture in which a robot rests on its way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.record import Bools, Record
+from humanoid_getup.posture_chains.features import ARRIVED, Meter, PostureMeter, StandMeter
+from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
+from humanoid_getup.simulation.world import World
+from robots.kinematics import place
+from robots.quaternion import Array
+
+TIMES = (1.0, 1.6, 3.0)  # s for OP3, of moves straight to a goal
+SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
+
+
+class Goal:
+    """A held stand, which ends the way up of every robot."""
+
+    is_stand = True
+
+    def __init__(self, world: World, meter: Meter | None = None) -> None:
+        """Prepare for a world; a search for something else on the way measures that."""
+        self._robot, self._stand = world.robot, StandMeter(world)
+        self.meter: Meter = meter or self._stand
+        """Measures how near robots are to it."""
+        self.qpos = place(world.robot, world.model, world.robot.standing)
+        """MuJoCo positions there, (nq,)."""
+        self.target = world.robot.standing.joint_pos
+        """Targets that are held there [rad], (n,)."""
+
+    def is_reached(self, record: Record, samples: int) -> Bools:
+        """Tell which robots are there over the last samples of a record, (N,)."""
+        return np.all(record.upright[:, -samples:], axis=1)
+
+    def is_held(self, record: Record) -> Bools:
+        """Tell which robots stay there at the end of a record, (N,)."""
+        return Outcome(record, self._robot).stood
+
+    def measure_neck(self, qpos: Array) -> float:
+        """Measure the height of the neck at MuJoCo positions (nq,), as a share of the stance's."""
+        return float(self._stand.measure(qpos[None]).neck[0])
+
+    def list_moves(
+        self, state: RestingState, moves: RandomMoves, scale: float
+    ) -> list[PostureMove]:
+        """List moves from a state straight to the stance, and through higher squats."""
+        least = self.measure_neck(state.qpos) - SQUAT_MARGIN
+        higher = moves.squats.targets[moves.squat_necks > least]
+        straight = [moves.rise(higher[:0], time * scale) for time in TIMES]
+        return straight + [moves.rise(higher, time * scale) for time in TIMES[1:]]
+
+
+class PostureGoal(Goal):
+    """A posture in which a robot rests."""
+
+    is_stand = False
+
+    def __init__(self, world: World, qpos: Array, target: Array) -> None:
+        """Go to MuJoCo positions (nq,), at which targets (n,) [rad] are held."""
+        super().__init__(world, PostureMeter(world, qpos))
+        self.qpos, self.target = qpos, target
+
+    def is_reached(self, record: Record, samples: int) -> Bools:
+        """Tell which robots are near to it at both ends of the last samples, (N,)."""
+        ends = [self.meter.measure(record.qpos[:, at]).progress for at in (-samples, -1)]
+        return np.min(ends, axis=0) >= ARRIVED
+
+    def is_held(self, record: Record) -> Bools:
+        """Tell which robots are near to it over the last second of a record, (N,)."""
+        return self.is_reached(record, round(1.0 / record.period))
+
+    def list_moves(
+        self, state: RestingState, moves: RandomMoves, scale: float
+    ) -> list[PostureMove]:
+        """List moves from a state straight there."""
+        return [moves.aim(state.target, self.target, time * scale, "goal") for time in TIMES]

@@ -1,25 +1,28 @@
-"""Motion capture files: BVH, and Acclaim's skeletons (.asf) with their clips (.amc).
+"""Motion capture files: BVH, Acclaim's skeletons (.asf) with their clips (.amc), DeepMimic's.
 
 A BVH file has a skeleton as nested joints, then a line of channels for each frame; Acclaim a
-skeleton of bones, and the angles of their joints.
+skeleton of bones, and the angles of their joints. DeepMimic's are in `deepmimic`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.clips.clip import (
+from humanoid_getup.clips.clip import Clip
+from humanoid_getup.clips.deepmimic import read_deepmimic
+from humanoid_getup.clips.layout import measure_layout
+from humanoid_getup.clips.recording import (
     MOST_OF_SKELETON,
     READ_ERRORS,
-    Clip,
+    Recording,
     check_size,
     explain,
+    place_joints,
     read_lines,
     read_numbers,
 )
@@ -27,20 +30,36 @@ from robots.quaternion import Array
 from robots.storage.validation import reading
 
 BVH, ACCLAIM, SKELETON = ".bvh", ".amc", ".asf"
+DEEPMIMIC = (".txt", ".json")
+CLIPS = (BVH, ACCLAIM, *DEEPMIMIC)
 
 
 def read_clip(
-    file: Path, skeleton: Path | None, rate: float | None, up: Literal["y", "z"] | None
+    file: Path,
+    skeleton: Path | None = None,
+    *,
+    rate: float | None = None,
+    unit: float | None = None,
+    up: str | None = None,
+    renames: Mapping[str, str] | None = None,
 ) -> Clip:
-    """Read a .bvh or .amc clip; the skeleton of an .amc may be the .asf file beside it."""
-    if file.suffix.lower() == BVH:
-        return replace(read_bvh(file), up=up or "y")
-    skeleton = skeleton or file.with_name(f"{file.stem.split('_')[0]}{SKELETON}")
-    return replace(read_acclaim(file, skeleton, rate or RATE), up=up or "y")
+    """Read a clip; the skeleton of an .amc may be the .asf file beside it.
+
+    Given may be the frames per second of an .amc clip [Hz], the unit of length [m], the axis that
+    points up, and new names of joints; unit and axis are else measured from the body.
+    """
+    kind = file.suffix.lower()
+    if kind == BVH:
+        recording = read_bvh(file)
+    elif kind in DEEPMIMIC:
+        recording = read_deepmimic(file)
+    else:
+        skeleton = skeleton or file.with_name(f"{file.stem.split('_')[0]}{SKELETON}")
+        recording = read_acclaim(file, skeleton, rate or RATE)
+    return measure_layout(recording, unit, up, renames or {})
 
 
 HIERARCHY, MOTION = "HIERARCHY", "MOTION"
-CENTIMETER = 0.01  # m; what BVH files are nearly always in
 POSITION, ROTATION = "position", "rotation"
 
 
@@ -57,8 +76,8 @@ class BvhJoint:
     """Such as Xposition or Zrotation, in order."""
 
 
-def read_bvh(file: Path) -> Clip:
-    """Read a clip."""
+def read_bvh(file: Path) -> Recording:
+    """Read a BVH file."""
     try:
         lines = read_lines(file)
         head = _find_motion(lines)
@@ -66,12 +85,12 @@ def read_bvh(file: Path) -> Clip:
         check_size(len(lines) - head, len(joints))
         channels = sum(len(joint.channels) for joint in joints)
         period, frames = _read_motion(lines[head + 1 :], channels)
+        still = _find_zero(joints, frames)
         places = _place_joints(joints, frames)
-        still = np.zeros((1, frames.shape[1]))
         rest = {name: path[0] for name, path in _place_joints(joints, still).items()}
     except READ_ERRORS as error:
         raise ValueError(f"clip {file}: it is not a BVH file: {explain(error)}") from error
-    return Clip(file=file, period=period, joints=places, rest=rest, unit=CENTIMETER)
+    return Recording(file=file, period=period, joints=places, rest=rest)
 
 
 def _find_motion(lines: list[str]) -> int:
@@ -148,9 +167,34 @@ def _read_motion(lines: list[str], channels: int) -> tuple[float, Array]:
     return period, read_numbers(lines[2:], channels)
 
 
+def _find_zero(joints: list[BvhJoint], frames: Array) -> Array:
+    """Return the frame of all angles zero, (1, n), in which positions are those of the bones.
+
+    Position channels below the root replace a joint's OFFSET, unless their lengths show that they
+    are to be added to it: then the frames (T, n) get it.
+    """
+    still, offsets = np.zeros((1, frames.shape[1])), np.zeros(frames.shape[1])
+    at, misfit = len(joints[0].channels), 0.0
+    for joint in joints[1:]:
+        axes = {
+            at + k: "XYZ".index(channel[0].upper())
+            for k, channel in enumerate(joint.channels)
+            if channel[1:].lower() == POSITION
+        }
+        at, columns = at + len(joint.channels), list(axes)
+        still[0, columns] = np.median(frames[:, columns], axis=0)
+        offsets[columns] = joint.offset[list(axes.values())]
+        moved, bone = np.linalg.norm(still[0, columns]), np.linalg.norm(offsets[columns])
+        misfit += float(abs(moved - bone) - moved)
+    if misfit > 0.0:
+        frames += offsets
+        still += offsets
+    return still
+
+
 def _place_joints(joints: list[BvhJoint], frames: Array) -> dict[str, Array]:
     """Compute the position of each joint in all frames, (T, 3)."""
-    places: list[Array] = []
+    offsets: list[Array] = []
     turns: list[Rotation] = []
     at = 0
     for joint in joints:
@@ -167,12 +211,9 @@ def _place_joints(joints: list[BvhJoint], frames: Array) -> dict[str, Array]:
         own = Rotation.identity(len(frames))
         if angles:
             own = Rotation.from_euler(axes, np.stack(angles, axis=-1), degrees=True)
-        if joint.parent < 0:
-            places.append(moved)
-            turns.append(own)
-        else:
-            places.append(places[joint.parent] + turns[joint.parent].apply(moved))
-            turns.append(turns[joint.parent] * own)
+        offsets.append(moved)
+        turns.append(own)
+    places = place_joints([joint.parent for joint in joints], offsets, turns)
     return {joint.name: place for joint, place in zip(joints, places, strict=True)}
 
 
@@ -208,7 +249,7 @@ class AcclaimSkeleton:
     """One unit of length [m]."""
 
 
-def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Clip:
+def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Recording:
     """Read a clip (.amc) of a skeleton (.asf), recorded at a rate [Hz]."""
     try:
         skeleton = _read_skeleton(read_lines(skeleton_file, MOST_OF_SKELETON))
@@ -222,7 +263,7 @@ def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Clip:
     except READ_ERRORS as error:
         reason = explain(error)
         raise ValueError(f"clip {file}: it is no AMC file of {skeleton_file}: {reason}") from error
-    return Clip(
+    return Recording(
         file=file,
         period=1.0 / rate,
         joints=joints,

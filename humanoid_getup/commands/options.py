@@ -143,6 +143,42 @@ class TorqueOptions(CommandRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ClipOptions(CommandRequest):
+    """How the file of a clip is read."""
+
+    rate: Annotated[float | None, between(1.0, 10_000.0, "Hz"), arg(metavar="HZ")] = None
+    """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
+    unit: Annotated[str, arg(metavar="m|cm|mm|inch|METERS")] = ""
+    """Unit of length of a clip, or its length [m]; default: that in which its body is as tall as a
+    person."""
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
+    """Axis of a clip that points up; default: the one along which its body stands."""
+    rename: Annotated[str, arg(metavar="FROM=TO,...")] = ""
+    """Names of a clip's joints, and the known names by which they are read. What all names begin
+    with is ignored."""
+
+    def _find_problems(self) -> Iterator[str]:
+        yield from super()._find_problems()
+        try:
+            self.reading()
+        except ValueError as error:
+            yield f"--{error}"
+
+    def reading(self) -> dict[str, Any]:
+        """Return the options as arguments of `read_clip`."""
+        given: dict[str, Any] = {"rate": self.rate, "up": self.up}
+        if self.unit:  # imports numpy, which --help does without
+            from humanoid_getup.clips.layout import parse_unit
+
+            given["unit"] = parse_unit(self.unit)
+        if self.rename:
+            from humanoid_getup.clips.joint_names import parse_renames
+
+            given["renames"] = parse_renames(self.rename)
+        return given
+
+
+@dataclass(frozen=True, kw_only=True)
 class EngineOptions(CommandRequest):
     """What runs independent pieces of work."""
 

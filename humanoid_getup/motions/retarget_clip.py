@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation, Slerp
 
-from humanoid_getup.clips.clip import Clip, ClipBody, read_body
+from humanoid_getup.clips.clip import Clip, ClipBody, ClipLayout, read_body
 from humanoid_getup.experiments.falls import classify
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from humanoid_getup.motions.motion import (
@@ -51,6 +51,8 @@ class RetargetedClip:
     """Angle between the directions of the upper and of the lower limb [rad], (T, 2)."""
     bound: dict[str, float]
     """Joints that are at an end of their range, and the share of the frames."""
+    layout: ClipLayout | None = None
+    """How the clip's file was read."""
 
     @property
     def mean_angle(self) -> float:
@@ -105,6 +107,7 @@ class ClipRetargeter:
             slowdown=slowdown,
             angle=self._measure(body, rows, angles),
             bound={joint: part for joint, part in share if part >= BOUND_SHARE},
+            layout=clip.layout,
         )
 
     def _solve(self, body: ClipBody, rows: Frames, report: Callable[[float], None]) -> Array:

@@ -16,7 +16,8 @@ import numpy as np
 import scipy  # which imports its parts when they are used
 from numpy.typing import NDArray
 
-from humanoid_getup.clips.clip import LEFT_HIPS, NECKS, RIGHT_HIPS, UP, Clip, is_foot
+from humanoid_getup.clips.clip import Clip
+from humanoid_getup.clips.joint_names import HIPS, NECKS, is_foot, on_side
 from humanoid_getup.scenes.ground import FLAT, Ground, mean_height
 from humanoid_getup.style.features import (
     AROUND,
@@ -257,17 +258,16 @@ def measure_clip(clip: Clip) -> Array:
     The height is that of the neck's base over the floor, as a share of that in the rest pose.
     Front and side are those of [Frezzato22], figure 4, from hips and neck.
     """
-    axis, neck_name = UP[clip.up], clip.find(NECKS, "neck")
-    left = clip.joints[clip.find(LEFT_HIPS, "left hip")]
-    right = clip.joints[clip.find(RIGHT_HIPS, "right hip")]
+    neck_name = clip.find(NECKS, "neck")
+    left = clip.joints[clip.find(HIPS, "left hip")]
+    right = clip.joints[clip.find(on_side(HIPS, "right"), "right hip")]
     neck, side = clip.joints[neck_name], right - left
     front = np.cross(neck - 0.5 * (left + right), side)
-    standing = float(clip.rest[neck_name][axis] - clip.lowest_foot(clip.rest)[axis])
-    clip.check_height("the neck", standing * clip.unit)
+    standing = float(clip.rest[neck_name][2] - clip.lowest_foot(clip.rest)[2])
     feet = [path for name, path in clip.joints.items() if is_foot(name)]
-    floor = np.percentile(np.min([path[:, axis] for path in feet], axis=0), FLOOR_PERCENTILE)
+    floor = np.percentile(np.min([path[:, 2] for path in feet], axis=0), FLOOR_PERCENTILE)
     features = np.empty((len(neck), COUNT))
-    features[:, 0] = (neck[:, axis] - floor) / standing
+    features[:, 0] = (neck[:, 2] - floor) / standing
     for column, vector in ((1, side), (2, front)):
         length = np.linalg.norm(vector, axis=1)
         if not length.all():
@@ -275,7 +275,7 @@ def measure_clip(clip: Clip) -> Array:
                 f"clip {clip.file}: hips and neck are in one line or one place in frame "
                 f"{int(np.argmin(length)) + 1}, expected a torso"
             )
-        features[:, column] = np.arccos(np.clip(vector[:, axis] / length, -1.0, 1.0))
+        features[:, column] = np.arccos(np.clip(vector[:, 2] / length, -1.0, 1.0))
     return features
 
 

@@ -253,9 +253,12 @@ style edit sit-up --faster 1000 --out mine.toml | expected 0.1 to 60 s
 style edit sit-up --slower 2 --out mine | expected a name that ends with .toml
 style extract moonwalk --out mine.toml | unknown motion 'moonwalk'
 style extract empty.mcap --out mine.toml | empty.mcap
-style extract text.txt --out mine.toml | a file of another kind, expected .npz
+style extract text.csv --out mine.toml | a file of another kind, expected .npz
 style extract squat_to_stand --up z --out mine.toml | --up is given, expected none with
-style extract turned.bvh --out mine.toml | along y, expected a stand | (--up z)
+style extract human.bvh --rate 60 --out mine.toml | --rate is given, expected none with human.bvh
+style extract giant.bvh --out mine.toml | its body is 18.75 units tall, expected 1 to 2.2 m
+style extract bent.bvh --out mine.toml | its body stands along no axis | --up gives
+style extract upright.bvh --unit feet --out mine.toml | --unit is feet, expected m, cm, mm, inch
 style extract scaled.bvh --out mine.toml | joint 'Hips' has 6 channels Xscale
 style extract text.bvh --out mine.toml | it is not a BVH file: HIERARCHY is missing
 style extract text.amc --out mine.toml | text.asf: No such file or directory
@@ -263,9 +266,13 @@ style extract squat_to_stand --begin 3 --end 1 --out mine.toml
     | --begin is 3 s, expected before --end, 1 s
 style extract squat_to_stand --end 0.1 --out mine.toml | nothing moves in what is extracted
 style extract sit_and_lie_down --out mine.toml | expected 0.9 or more | --finish
-mocap import | the clip is missing, expected FILE.bvh, or FILE.asf FILE.amc
-mocap import text.txt | the clip is text.txt, expected FILE.bvh, or FILE.asf
-mocap import text.bvh turned.bvh | expected FILE.bvh, or FILE.asf FILE.amc
+mocap import | the clip is missing, expected a .bvh, .amc, .json or .txt file, or FILE.asf
+mocap import text.csv | the clip is text.csv, expected a .bvh, .amc
+mocap import text.bvh upright.bvh | or FILE.asf FILE.amc
+mocap import text.txt | it is not a motion of DeepMimic: not such JSON
+mocap import list.json | it is not a motion of DeepMimic: not such JSON (Expected `object`
+mocap import deep.json | it is not a motion of DeepMimic: not such JSON
+mocap import binary.json | it is not a motion of DeepMimic: not UTF-8 text
 mocap import none.bvh | none.bvh: No such file or directory
 mocap import empty.bvh | it is not a BVH file: HIERARCHY is missing
 mocap import scaled.bvh | joint 'Hips' has 6 channels Xscale
@@ -276,6 +283,8 @@ mocap import human.bvh --robot human --begin 0.3 | it lasts 0.10 s, expected two
 mocap import short.bvh | it lasts 0.00 s, expected two frames or more
 mocap import human.bvh --begin 3 --end 1 | --begin is 3 s, expected before --end, 1 s
 mocap import human.bvh --begin -1 | --begin is -1 s | times from 0 s on
+mocap import human.bvh --rename Hips | --rename is Hips, expected FROM=TO,...
+mocap import human.bvh --rename Tail=Neck | it has no joint 'Tail' to rename, but Hips, Spine1
 mocap import human.bvh --rate 60 | --rate is given, expected none with a .bvh file
 mocap import human.bvh --out mine.bvh | expected a name that ends with .npz
 mocap import human.bvh --out folder.npz | folder.npz: is a folder
@@ -666,7 +675,8 @@ TEXTS = {
     "loop.yaml": "a: &a [*a]\n",
     "trace.json": '{"robot": "op3", "joints": ["head_pan"]}',
     "scene.sdf": "<sdf/>",
-    "turned.bvh": re.sub(r"(OFFSET 0) (-100|50) 0", r"\1 0 \2", BVH),
+    "giant.bvh": re.sub(r"(OFFSET -?\d+ -?\d+)0 0", r"\1 0", BVH),
+    "bent.bvh": BVH.replace("OFFSET 0 50 0", "OFFSET 0 0 50"),
     "scaled.bvh": BVH.replace("Xposition", "Xscale"),
     "upright.bvh": BVH,
 }

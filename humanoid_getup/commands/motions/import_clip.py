@@ -5,49 +5,45 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from rich.console import Console
 from rich.markup import escape
 from tyro.conf import Positional, arg
 
-from humanoid_getup.clips.clip_file import read_clip
+from humanoid_getup.clips.clip_file import ACCLAIM, CLIPS, SKELETON, read_clip
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.files import MADE, READ, find_file_problems
 from humanoid_getup.commands.inputs import load_robot
-from humanoid_getup.commands.options import RobotOption
+from humanoid_getup.commands.options import ClipOptions, RobotOption
 from humanoid_getup.motions.retarget_clip import ClipRetargeter, RetargetedClip
 from humanoid_getup.progress.callback import ProgressMonitor
-from robots.storage.validation import between
 
-CLIPS = "FILE.bvh, or FILE.asf FILE.amc"
+EXPECTED = "a .bvh, .amc, .json or .txt file, or FILE.asf FILE.amc"
 NOT_OF_NAMES = re.compile(r"[^\w.-]+")
 SUFFIX = ".npz"
 SLOWED = 1.005  # times its duration, from which a motion counts as slowed down
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClipRequest(RobotOption):
+class ClipRequest(ClipOptions, RobotOption):
     """Make a motion of a robot from a clip: its limbs point as those of the body.
 
     The motion is made without physics: `getup play` shows whether it can be played.
     """
 
-    files: Annotated[Positional[tuple[Path, ...]], READ, arg(metavar="FILE.bvh|FILE.asf FILE.amc")]
-    """Clip of motion capture: a .bvh file, or an .amc file and its skeleton."""
+    files: Annotated[Positional[tuple[Path, ...]], READ, arg(metavar="CLIP|FILE.asf FILE.amc")]
+    """Clip of motion capture: a .bvh file, an .amc file and its skeleton, or a motion of DeepMimic
+    (.json, .txt)."""
     begin: Annotated[float | None, arg(metavar="S")] = None
     """Time of the clip at which the motion begins [s]; default: its beginning."""
     end: Annotated[float | None, arg(metavar="S")] = None
     """Time at which it ends [s]; default: its end."""
     finish: bool = False
     """End in the robot's stance, however the clip ends."""
-    rate: Annotated[float | None, between(1.0, 10_000.0, "Hz"), arg(metavar="HZ")] = None
-    """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
-    up: Literal["y", "z"] | None = None
-    """Axis of the clip that points up; default: y."""
     name: str = ""
     """Name of the motion; default: that of the clip's file."""
     out: Annotated[Path | None, MADE, arg(metavar="FILE.npz")] = None
@@ -76,12 +72,12 @@ class ClipRequest(RobotOption):
     def _find_problems(self) -> Iterator[str]:
         yield from super()._find_problems()
         kinds = [file.suffix.lower() for file in self.files]
-        if kinds not in ([".bvh"], [".amc"], [".asf", ".amc"]):
+        if kinds not in [*([kind] for kind in CLIPS), [SKELETON, ACCLAIM]]:
             given = " ".join(map(str, self.files)) or "missing"
-            yield f"the clip is {given}, expected {CLIPS}"
+            yield f"the clip is {given}, expected {EXPECTED}"
             return
-        if self.rate is not None and kinds == [".bvh"]:
-            yield "--rate is given, expected none with a .bvh file: it says its own"
+        if self.rate is not None and kinds[-1] != ACCLAIM:
+            yield f"--rate is given, expected none with a {kinds[-1]} file: it says its own"
         begin, end = self.begin or 0.0, math.inf if self.end is None else self.end
         if not 0.0 <= begin < math.inf or math.isnan(end):
             yield f"--begin is {begin:g} s, --end {end:g} s, expected times from 0 s on"
@@ -111,6 +107,7 @@ def describe(found: RetargetedClip) -> dict[str, Any]:
             for name, rows in found.angle.items()
         },
         "bound_joints": found.bound,
+        "layout": asdict(found.layout) if found.layout else None,
     }
 
 
@@ -120,7 +117,7 @@ def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> RetargetedCli
     robot = load_robot(request)
     monitor.begin("reading")
     with refusing():
-        clip = read_clip(request.clip, request.skeleton, request.rate, request.up)
+        clip = read_clip(request.clip, request.skeleton, **request.reading())
     found = ClipRetargeter(robot).retarget(
         clip,
         name=request.motion_name,
@@ -138,6 +135,7 @@ def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> RetargetedCli
 def _print(found: RetargetedClip, request: ClipRequest, console: Console) -> None:
     motion, (limb, largest) = found.motion, found.largest_angle
     lines = [
+        f"{request.clip.name}: {found.layout}",
         f"{motion.name}: {motion.duration:.2f} s from {motion.start_class} to {motion.end_class}",
         f"limbs point {math.degrees(found.mean_angle):.1f}° off the clip's on average, at most "
         f"{math.degrees(largest):.0f}° (the {limb.replace('_', ' ')})",

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from tyro.conf import Positional, arg
 
-from humanoid_getup.clips.clip_file import ACCLAIM, BVH, read_clip
+from humanoid_getup.clips.clip_file import ACCLAIM, CLIPS, read_clip
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import find_motion, load_robot
+from humanoid_getup.commands.options import ClipOptions
 from humanoid_getup.commands.plan.styles import StyleOutput, print_times
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.strategies.learned_rise import measure_motion
@@ -26,23 +28,19 @@ from robots import Robot
 from robots.body.parts import leg_length
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
-from robots.storage.validation import between
 
 MOTION, LOG = ".npz", ".mcap"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExtractRequest(StyleOutput):
+class ExtractRequest(ClipOptions, StyleOutput):
     """Extract a style from a motion, a flight log, or a clip of motion capture."""
 
     source: Annotated[Positional[str], READ, arg(metavar="MOTION|FILE")]
-    """Name of a motion, or a file: .npz motion, .mcap flight log, .bvh or .amc clip."""
+    """Name of a motion, or a file: .npz motion, .mcap flight log, or a clip (.bvh, .amc,
+    .json, .txt)."""
     skeleton: Annotated[Path | None, READ, arg(metavar="FILE.asf")] = None
     """Skeleton of an .amc clip; default: the .asf file of the same subject beside it."""
-    rate: Annotated[float | None, between(1.0, 10_000.0, "Hz"), arg(metavar="HZ")] = None
-    """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
-    up: Literal["y", "z"] | None = None
-    """Axis of a clip that points up; default: y."""
     begin: Annotated[float | None, arg(metavar="S")] = None
     """Time at which the rise begins [s]; default: when something moves first."""
     end: Annotated[float | None, arg(metavar="S")] = None
@@ -62,7 +60,7 @@ def extract_style(request: ExtractRequest, monitor: ProgressMonitor) -> Style:
     robot = load_robot(request)
     monitor.begin("reading")
     with refusing():
-        time, features, scale = _read_source(request, robot)
+        time, features, scale, source = _read_source(request, robot)
     time, features = _choose(time, features, request)
     if request.finish:
         features[-1] = UPRIGHT_STAND
@@ -72,7 +70,7 @@ def extract_style(request: ExtractRequest, monitor: ProgressMonitor) -> Style:
         hint = "" if is_stand(features[-1]) else " (--finish lets the last point be a stand)"
         raise BadInputError(f"{request.source}: {error}{hint}") from error
     curves = curves.lasting(curves.duration * scale)
-    about = f"from {Path(request.source).name}, {time[0]:.2f} to {time[-1]:.2f} s"
+    about = f"from {source}, {time[0]:.2f} to {time[-1]:.2f} s"
     style = Style(name=request.out.stem, about=about, curves=(curves,))
     monitor.check()
     write_style(style, robot, request.out)
@@ -81,6 +79,7 @@ def extract_style(request: ExtractRequest, monitor: ProgressMonitor) -> Style:
 
 @extract_style.show
 def _print(style: Style, request: ExtractRequest, console: Console) -> None:
+    console.print(escape(style.about), soft_wrap=True)
     print_times(request.out, style, console)
 
 
@@ -101,31 +100,30 @@ def _choose(time: Array, features: Array, request: ExtractRequest) -> tuple[Arra
     return time[first:last], features[first:last].copy()
 
 
-def _read_source(request: ExtractRequest, robot: Robot) -> tuple[Array, Array, float]:
-    """Read times [s], features (T, 3), and the factor on durations for this robot."""
+def _read_source(request: ExtractRequest, robot: Robot) -> tuple[Array, Array, float, str]:
+    """Read times [s], features (T, 3), the factor on durations for this robot, and what it is."""
     file = Path(request.source)
     kind = file.suffix.lower()
-    of_clips = {"--up": request.up, "--rate": request.rate, "--skeleton": request.skeleton}
-    used = {BVH: ("--up",), ACCLAIM: tuple(of_clips)}.get(kind, ())
-    unused = [name for name, value in of_clips.items() if value is not None and name not in used]
-    if unused:
-        raise BadInputError(
-            f"{unused[0]} is given, expected none with {request.source}: it is of clips "
-            f"({ACCLAIM}{f', {BVH}' if unused[0] == '--up' else ''})"
-        )
+    options = ("unit", "up", "rename") * (kind in CLIPS) + ("rate", "skeleton") * (kind == ACCLAIM)
+    for name in ("unit", "up", "rename", "rate", "skeleton"):
+        if getattr(request, name) and name not in options:
+            of = ACCLAIM if name in ("rate", "skeleton") else ", ".join(CLIPS)
+            raise BadInputError(
+                f"--{name} is given, expected none with {request.source}: it is of clips ({of})"
+            )
     if kind == LOG:
-        return *_read_log(file, robot), 1.0
-    if used:
-        clip = read_clip(file, request.skeleton, request.rate, request.up)
+        return *_read_log(file, robot), 1.0, file.name
+    if kind in CLIPS:
+        clip = read_clip(file, request.skeleton, **request.reading())
         scale = float(np.sqrt(leg_length(robot) / clip.leg_length))
-        return clip.time, measure_clip(clip), scale
+        return clip.time, measure_clip(clip), scale, f"{file.name} ({clip.layout})"
     if kind and kind != MOTION and file.is_file():
         raise BadInputError(
-            f"{request.source} is a file of another kind, expected {MOTION}, {LOG}, {BVH}, "
-            f"{ACCLAIM}, or the name of a motion"
+            f"{request.source} is a file of another kind, expected {MOTION}, {LOG}, "
+            f"{', '.join(CLIPS)}, or the name of a motion"
         )
     motion = find_motion(robot, request.source)
-    return motion.time, measure_motion(robot, motion), 1.0
+    return motion.time, measure_motion(robot, motion), 1.0, file.name
 
 
 def _read_log(file: Path, robot: Robot) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ def test_a_clip_becomes_a_motion_and_its_deviation_is_reported(run: Run, tmp_pat
     wanted = ("mocap", "import", "sit up.bvh", "--robot", "human", "--json", "figures.json")
     code, out, error = run(*wanted)
     assert (code, error) == (0, "")
+    assert "sit up.bvh: unit cm, y up, rest pose: angles zero, sides: as named" in out
     assert "sit_up: " in out
     assert "from supine" in out
     assert "next: getup play sit_up.npz --robot human" in out
@@ -31,6 +32,12 @@ def test_a_clip_becomes_a_motion_and_its_deviation_is_reported(run: Run, tmp_pat
     assert figures["start_class"] == motion.start_class == "supine"
     assert figures["deviation_mean_deg"] < 2.0
     assert figures["slowdown"] == pytest.approx(1.0)
+    assert figures["layout"] == {
+        "unit_m": 0.01,
+        "up": "y",
+        "rest_pose": "angles zero",
+        "sides": "as named",
+    }
 
 
 def test_with_finish_and_a_name_it_is_a_rise_that_is_written_where_asked(tmp_path: Path):

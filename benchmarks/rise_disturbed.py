@@ -17,19 +17,24 @@ from functools import lru_cache, partial
 import mujoco
 import numpy as np
 import tyro
-from script import RISE_FIGURES, LimitedOptions, do_pieces, write_results
-
-from drivers import Command, State, Twin
-from humanoid_getup.benchmarks.rise import (
-    BENCH_CLASSES,
+from disturbed_worlds import (
     DISTURBANCES,
     DisturbedRise,
     DisturbedWays,
-    MeasuredRise,
-    RefusableSummary,
     WeakTwin,
     WorldChange,
 )
+from script import (
+    RISE_FIGURES,
+    LimitedOptions,
+    RefusableRise,
+    RefusableSummary,
+    do_pieces,
+    write_results,
+)
+
+from drivers import Command, State, Twin
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.planner_settings import PlannerSettings
@@ -246,7 +251,7 @@ def main(options: DisturbedOptions) -> None:
 
 def rise_from(
     options: DisturbedOptions, changes: dict[str, WorldChange], piece: tuple[int, Fall]
-) -> list[MeasuredRise]:
+) -> list[RefusableRise]:
     """Rise from a fall, by its number, in every world and way."""
     number, fall = piece
     return make_ways(options).measure(fall, number, options.seed, changes)

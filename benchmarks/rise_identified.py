@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 import tyro
+from disturbed_worlds import SamePlan
 from identify_robots import FITTED, HELD_OUT, fly
 from script import LimitedOptions, do_pieces, write_results
 
 from drivers import Twin
-from humanoid_getup.benchmarks.rise import BENCH_CLASSES, SamePlan, rise_once
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES, rise_once
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.falls import Fall, sample_falls
 from humanoid_getup.experiments.judging.summary import wilson_interval

@@ -15,9 +15,16 @@ from functools import lru_cache, partial
 
 import numpy as np
 import tyro
-from script import RISE_FIGURES, LimitedOptions, do_pieces, write_results
+from script import (
+    RISE_FIGURES,
+    LimitedOptions,
+    RefusableRise,
+    RefusableSummary,
+    do_pieces,
+    write_results,
+)
 
-from humanoid_getup.benchmarks.rise import MeasuredRise, RefusableSummary, RisePiece, rise_from
+from humanoid_getup.benchmarks.rise import RisePiece, rise_from
 from humanoid_getup.experiments.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.planner_settings import PlannerSettings
@@ -100,9 +107,9 @@ def list_scene_falls(robot: Robot, name: str, n: int, seed: int) -> Iterator[Sce
             number += 1
 
 
-def rise_in_scene(options: SceneOptions, piece: SceneFall) -> list[MeasuredRise]:
+def rise_in_scene(options: SceneOptions, piece: SceneFall) -> list[RefusableRise]:
     """Rise from one fall in every way."""
-    rises, number = list[MeasuredRise](), piece.number
+    rises, number = list[RefusableRise](), piece.number
     for way, strategy in make_strategies(options, piece.scene, piece.ground).items():
         again = RisePiece(
             number=number,
@@ -112,7 +119,7 @@ def rise_in_scene(options: SceneOptions, piece: SceneFall) -> list[MeasuredRise]
             preflight=way not in (NEAREST, STRAIGHT),
         )
         rise = rise_from(strategy, again)
-        rises.append(MeasuredRise.refusable(rise, case=piece.scene, way=way, fall=number))
+        rises.append(RefusableRise.of(rise, case=piece.scene, way=way, fall=number))
     return rises
 
 

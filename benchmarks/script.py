@@ -9,10 +9,13 @@ from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, TypeVar
 
+from humanoid_getup.benchmarks.rise import MeasuredRise
 from humanoid_getup.commands.console import console_for, format_figure, make_bars, make_table
 from humanoid_getup.engines.executor import do_pieces as run_pieces
 from humanoid_getup.engines.executor import make_executor
 from humanoid_getup.engines.versions import checked
+from humanoid_getup.execution.rise import Rise
+from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
@@ -130,6 +133,48 @@ def do_pieces(
             ended=lambda *_: count(1),
         )
     return list(found.values())
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefusableRise(MeasuredRise):
+    """A rise that the preflight may have refused."""
+
+    way: str
+    case: str
+    fall: int
+    """Number of the fall."""
+    refused: bool
+    """Whether nothing was played."""
+
+    @classmethod
+    def of(cls, rise: Rise, *, case: str, way: str, fall: int) -> RefusableRise:
+        """Label a rise."""
+        refused = rise.run is None
+        return cls(**vars(rise.figures()), case=case, way=way, fall=fall, refused=refused)
+
+
+class RefusableSummary(RiseSummary, frozen=True, kw_only=True):
+    """Rises of which the preflight may refuse some."""
+
+    refused: int
+    failures: list[str]
+    """Fall and reason of each rise that did not stand."""
+
+    @classmethod
+    def table(
+        cls, rises: Sequence[RefusableRise], cases: Iterable[str], ways: Sequence[str]
+    ) -> dict[str, RefusableSummary]:
+        """Summarize the rises of each case by each way."""
+        return {f"{case}: {way}": cls._select(rises, case, way) for case in cases for way in ways}
+
+    @classmethod
+    def _select(cls, rises: Sequence[RefusableRise], case: str, way: str) -> RefusableSummary:
+        ours = [rise for rise in rises if rise.case == case and rise.way == way]
+        return cls.of(
+            ours,
+            refused=sum(rise.refused for rise in ours),
+            failures=[f"fall {rise.fall}: {rise.reason}" for rise in ours if not rise.stood],
+        )
 
 
 def write_results(result: dict[str, Any], figures: Sequence[str], json: Path | None) -> None:

@@ -14,12 +14,8 @@ import mujoco
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from humanoid_getup.benchmarks.motions import MotionPiece, MotionSummary, measure_motion
 from humanoid_getup.benchmarks.rise import (
-    DISTURBANCES,
-    DisturbedWays,
     MeasuredRise,
-    RefusableSummary,
     RisePiece,
     list_pieces,
     measure_rise,
@@ -28,23 +24,18 @@ from humanoid_getup.benchmarks.rise import (
 from humanoid_getup.experiments.drop import FallError
 from humanoid_getup.experiments.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.experiments.judging.summary import RiseSummary
-from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.motions.motion_database import list_motions, load_database
 from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import NEAREST, PLAN, make_strategy
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots import FULL_TORQUE, Robot, TorqueLimit
+from robots import Robot, TorqueLimit
 from robots.servo import LimitMode
 
 # Of OP3's 4.1 N·m they are 3.0, 2.5 and 2.0 N·m, the limits of the other benchmarks.
 SHARES = (1.0, 0.73, 0.61, 0.49)
 QUICK_SHARES = (1.0, 0.61)
-CASES = tuple(DISTURBANCES)
-QUICK_CASES = CASES[:2]
-FEWER = 4  # times fewer falls of each class are disturbed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,18 +80,6 @@ class CappedRise:
     method: str
     cap: TorqueCap
     rise: RisePiece
-
-
-@dataclass(frozen=True, kw_only=True)
-class DisturbedFall:
-    """A fall, from which every way rises under every disturbance."""
-
-    number: int
-    fall: Fall
-
-
-Piece = CappedRise | MotionPiece | DisturbedFall
-Measured = MeasuredRise | MotionSummary | list[MeasuredRise]
 
 
 class CapSummary(RiseSummary, frozen=True, kw_only=True):
@@ -155,8 +134,6 @@ class WholeBench(msgspec.Struct, frozen=True, kw_only=True):
     scene: str
     cases: dict[str, CapSummary]
     missing_classes: dict[str, str]
-    motions: dict[str, MotionSummary]
-    disturbed: dict[str, RefusableSummary]
     notes: list[str]
     """What was not measured, with reasons."""
     command: str
@@ -172,12 +149,7 @@ class Whole:
     world: World
     methods: Mapping[str, Callable[[TorqueLimit], Strategy]]
     """Makers of strategies, by the names of the methods."""
-    motions: Sequence[Motion]
-    """Motions that are played from their own start."""
     caps: Sequence[TorqueCap]
-    disturbed: DisturbedWays | None
-    """Ways to rise in disturbed worlds, at stall torque; None without motions."""
-    disturbances: Sequence[str]
     seed: int
     each: int
     """Falls of each class."""
@@ -203,21 +175,10 @@ class Whole:
             return make_strategy(world, name, settings, database=database)
 
         methods = [*((PLAN, NEAREST) if database else ()), *own]
-        disturbed = None
-        if database:
-            settings = PlannerSettings(threads=threads)
-            disturbed = DisturbedWays(
-                planner=PlannedRise(world, database, settings),
-                policies={name: make(name, FULL_TORQUE) for name in own},
-            )
-        motions = database.motions if database else ()
         return cls(
             world=world,
             methods={name: partial(make, name) for name in methods},
-            motions=[motion for motion in motions if not motion.name.endswith(MIRRORED_SUFFIX)],
             caps=make_caps(robot, limit_by, QUICK_SHARES if quick else SHARES),
-            disturbed=disturbed,
-            disturbances=QUICK_CASES if quick else CASES,
             seed=seed,
             each=each,
         )
@@ -225,10 +186,10 @@ class Whole:
     def list_notes(self) -> list[str]:
         """List the parts that are not measured, with reasons."""
         notes, robot = [], self.world.robot
-        if self.disturbed is None:
+        if PLAN not in self.methods:
             notes.append(
-                f"Robot '{robot.name}' has no motions: nothing is planned or played, and no rise "
-                "is disturbed. `getup motions retarget` transfers those of another robot."
+                f"Robot '{robot.name}' has no motions: nothing is planned or played. `getup "
+                "motions discover` finds some."
             )
         if not set(self.methods) - {PLAN, NEAREST}:
             other = "" if robot.body.is_original else " for this body"
@@ -256,40 +217,14 @@ class Whole:
             ).items()
         }
 
-    def list_motions(self) -> dict[str, MotionPiece]:
-        """List the motions that are played."""
-        return {
-            motion.name: MotionPiece(motion=motion, number=k, seed=self.seed, each=self.each)
-            for k, motion in enumerate(self.motions)
-        }
-
-    def list_disturbed(self) -> dict[str, DisturbedFall]:
-        """List the falls that are disturbed."""
-        if self.disturbed is None:
-            return {}
-        counts = dict.fromkeys(self.falls.classes, -(-self.each // FEWER))
-        falls = sample_falls(self.world, counts, np.random.default_rng(self.seed))
-        return {
-            f"disturbed: {number}": DisturbedFall(number=number, fall=fall)
-            for number, fall in enumerate(falls)
-        }
-
     @cached_property
     def make(self) -> Callable[[str, TorqueLimit], Strategy]:
         """Return what makes the strategy of a method under a limit, once."""
         return cache(lambda method, limit: self.methods[method](limit))
 
-    def do(
-        self, piece: Piece, threads: int = 0
-    ) -> MeasuredRise | MotionSummary | list[MeasuredRise]:
-        """Do a rise, a motion, or a disturbed fall."""
-        if isinstance(piece, CappedRise):
-            return measure_rise(self.make(piece.method, piece.cap.limit), piece.rise)
-        if isinstance(piece, MotionPiece):
-            return measure_motion(self.world, piece, threads=threads)
-        assert self.disturbed is not None
-        changes = {case: DISTURBANCES[case] for case in self.disturbances}
-        return self.disturbed.measure(piece.fall, piece.number, self.seed, changes)
+    def do(self, piece: CappedRise) -> MeasuredRise:
+        """Do a rise."""
+        return measure_rise(self.make(piece.method, piece.cap.limit), piece.rise)
 
 
 def sample_by_class(world: World, each: int, seed: int) -> FallsByClass:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from humanoid_getup.benchmarks.motions import MotionSummary
-from humanoid_getup.benchmarks.rise import RefusableSummary
 from humanoid_getup.benchmarks.whole import CapSummary, WholeBench
 from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary
 from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
@@ -42,8 +40,6 @@ def write_page(result: WholeBench) -> str:
         f"# {result.robot}: getting up, n = {result.n} falls of each class",
         *_write_notes(result),
         *_write_results(result),
-        *_write_motions(result.motions, result.n),
-        *_write_disturbed(result.disturbed),
         *_write_pictures(result),
         "## Conditions",
         _write_table(("condition", "value"), _list_conditions(result)),
@@ -101,50 +97,6 @@ def _write_results(result: WholeBench) -> list[str]:
     ]
 
 
-def _write_motions(motions: Mapping[str, MotionSummary], n: int) -> list[str]:
-    if not motions:
-        return []
-    rows = [
-        (
-            name,
-            f"{motion.start_class} to {motion.end_class}",
-            "yes" if motion.succeeded else "no",
-            _write_number(motion.stand_time_s),
-            _write_number(motion.peak_torque_nm),
-            _write_number(motion.rms_torque_nm),
-            _write_number(motion.head_impact_m_s),
-            _write_number(motion.lowest_torque_limit_nm),
-            _write_count(
-                motion.disturbed_succeeded,
-                motion.disturbed_n,
-                motion.disturbed_interval_95,
-            ),
-        )
-        for name, motion in motions.items()
-    ]
-    headings = ("motion", "from", "succeeds", "stands after [s]", "peak [N·m]", "RMS [N·m]")
-    return [
-        "## Stored motions",
-        "Each from its own start, at stall torque; then under ideal limits, from stall torque down "
-        f"to the lowest under which it succeeds, and disturbed (n = {n}).",
-        _write_table((*headings, "head [m/s]", "lowest limit [N·m]", "disturbed"), rows),
-    ]
-
-
-def _write_disturbed(cases: Mapping[str, RefusableSummary]) -> list[str]:
-    if not cases:
-        return []
-    rows = [
-        (*name.split(": ", 1), _write_rate(case), case.refused, _write_spread(case.stand_time_s))
-        for name, case in cases.items()
-    ]
-    return [
-        "## Disturbed",
-        "At stall torque, in worlds of which neither plan nor policy knows; falls of their own.",
-        _write_table(("disturbance", "method", "stood", "refused", "to stand [s]"), rows),
-    ]
-
-
 def _write_pictures(result: WholeBench) -> list[str]:
     pictures = result.pictures
     if not result.cases:
@@ -190,13 +142,8 @@ def _write_rate(case: RiseSummary | None) -> str:
     """Write how many rises stood, with the interval; a dash for none."""
     if case is None:
         return NONE
-    return _write_count(case.stood, case.n, case.stood_interval_95)
-
-
-def _write_count(stood: int, n: int, interval: Sequence[float]) -> str:
-    """Write a count of n, with the interval of its share."""
-    low, high = interval
-    return f"{stood} of {n} ({low:.0%} to {high:.0%})"
+    low, high = case.stood_interval_95
+    return f"{case.stood} of {case.n} ({low:.0%} to {high:.0%})"
 
 
 def _write_spread(value: Quantiles) -> str:

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rise_disturbed
-from nonempty import nonempty
-from rise_disturbed import CHANGES, DisturbedOptions, OtherChange
-
-from drivers import Command, Twin
-from humanoid_getup.benchmarks.rise import (
+from disturbed_worlds import (
     FEEDBACK,
     OPEN_LOOP,
     WeakTwin,
     WorldChange,
     turn_head,
 )
+from nonempty import nonempty
+from rise_disturbed import CHANGES, DisturbedOptions, OtherChange
+
+from drivers import Command, Twin
 from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from robots import quaternion

@@ -9,16 +9,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from rich.console import Console
 from tyro.conf import arg
 
-from humanoid_getup.benchmarks.motions import MotionSummary
-from humanoid_getup.benchmarks.rise import MeasuredRise, RefusableSummary, rise_from
+from humanoid_getup.benchmarks.rise import MeasuredRise, rise_from
 from humanoid_getup.benchmarks.whole import (
+    CappedRise,
     Pictures,
-    Piece,
     Whole,
     WholeBench,
     describe_conditions,
@@ -60,7 +59,7 @@ class BenchAll(EngineOptions, BodyOption, RobotOption):
     limit_by: Literal["current", "pwm", "ideal"] | None = None
     """What the torque caps act on; default: the robot's own."""
     quick: bool = False
-    """Fewer falls, torque caps and disturbances, for a first look."""
+    """Fewer falls and torque caps, for a first look."""
     out: Annotated[Path, Written(FILES), arg(metavar="DIR")] = Path("out/benchmark")
     """Folder for benchmark.md, benchmark.json, pictures, and the ledger of what is finished."""
     resume: bool = False
@@ -80,9 +79,7 @@ def measure_robot(request: BenchAll, monitor: ProgressMonitor) -> WholeBench:
         world = World(load_robot(request))
         whole = _load_whole(request, world)
         ledger = _open_ledger(request, world)
-        rises, motions, disturbed = _measure(request, whole, ledger, monitor)
-    ways = whole.disturbed.names if whole.disturbed else ()
-    together = [rise for some in disturbed.values() for rise in some]
+        rises = _measure(request, whole, ledger, monitor)
     cases = summarize_rises(whole, rises)
     monitor.begin("drawing")
     with staging(request.out, FILES) as folder:
@@ -98,8 +95,6 @@ def measure_robot(request: BenchAll, monitor: ProgressMonitor) -> WholeBench:
             scene=world.scene.name,
             cases=cases,
             missing_classes=whole.falls.missing if rises else {},
-            motions=motions,
-            disturbed=RefusableSummary.table(together, whole.disturbances if ways else (), ways),
             notes=whole.list_notes(),
             command=_write_command(request),
             conditions=describe_conditions(world, whole.caps[0].limit),
@@ -145,39 +140,29 @@ def _open_ledger(request: BenchAll, world: World) -> Ledger:
 
 def _measure(
     request: BenchAll, whole: Whole, ledger: Ledger, monitor: ProgressMonitor
-) -> tuple[dict[str, MeasuredRise], dict[str, MotionSummary], dict[str, list[MeasuredRise]]]:
-    """Do all rises, motions and disturbed falls that the ledger does not hold yet."""
-    rises, motions, disturbed = whole.list_rises(), whole.list_motions(), whole.list_disturbed()
-    count = len(rises) + len(motions) + len(disturbed)
+) -> dict[str, MeasuredRise]:
+    """Do all rises that the ledger does not hold yet."""
+    rises = whole.list_rises()
     if request.resume:
-        monitor.tell(f"{len(ledger.done)} of {count} pieces are finished")
-    advance = monitor.count("pieces", count)
+        monitor.tell(f"{len(ledger.done)} of {len(rises)} rises are finished")
+    advance = monitor.count("rises", len(rises))
     shared = make_worker_request(BenchAll, request, out=Path(), resume=False)
-    with starting(request, count - len(ledger.done)) as executor:
+    with starting(request, len(rises) - len(ledger.done)) as executor:
         work = whole.do if is_here(executor) else partial(do_piece_there, shared)
-        work = checked(work, executor, shared.robot)
-
-        def run(pieces: Mapping[str, Piece], kind: Any) -> dict[str, Any]:
-            return do_pieces(
-                work,
-                pieces,
-                executor,
-                ledger=ledger,
-                kind=kind,
-                ended=lambda *_: advance(1),
-                monitor=monitor,
-            )
-
-        return (
-            run(rises, MeasuredRise),
-            run(motions, MotionSummary),
-            run(disturbed, list[MeasuredRise]),
+        return do_pieces(
+            checked(work, executor, shared.robot),
+            rises,
+            executor,
+            ledger=ledger,
+            kind=MeasuredRise,
+            ended=lambda *_: advance(1),
+            monitor=monitor,
         )
 
 
-def do_piece_there(request: BenchAll, piece: Piece) -> Any:
-    """Do a piece in a worker."""
-    return _get_whole(request).do(piece, threads=1)
+def do_piece_there(request: BenchAll, piece: CappedRise) -> MeasuredRise:
+    """Do a rise in a worker."""
+    return _get_whole(request).do(piece)
 
 
 @lru_cache(maxsize=1)

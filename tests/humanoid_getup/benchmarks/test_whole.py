@@ -43,10 +43,7 @@ def whole(op3, world):
             "nearest": lambda limit: StoredMotion(world, motion, torque_limit=limit),
             "nothing": partial(NothingPlanned, world),
         },
-        motions=[motion],
         caps=make_caps(op3, "pwm", (1.0, 0.61)),
-        disturbed=None,
-        disturbances=(),
         seed=4,
         each=1,
     )
@@ -59,7 +56,6 @@ def rises(whole):
 
 @pytest.fixture(scope="module")
 def summary(whole, rises):
-    (piece,) = whole.list_motions().values()
     return WholeBench(
         seed=4,
         n=1,
@@ -68,8 +64,6 @@ def summary(whole, rises):
         scene="flat",
         cases=summarize_rises(whole, rises),
         missing_classes={},
-        motions={MOTION: whole.do(piece)},
-        disturbed={},
         notes=["This robot flies."],
         command="getup bench all",
         conditions=describe_conditions(whole.world, whole.caps[0].limit),
@@ -115,7 +109,6 @@ def test_the_page_has_every_figure_and_how_to_repeat_it(summary, tmp_path):
         "**Not measured.** This robot flies.",
         "20 × XM430-W350",
         "12 V",
-        MOTION,
         summary.command,
         "pwm",
     ):

@@ -6,13 +6,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from disturbed_worlds import WorldChange
 from hypothesis import given
 from hypothesis import strategies as st
 from nonempty import nonempty
 from recording_backend import still_state
 
 from drivers import Command, GuardLimits, SafetyGuard, State, Twin
-from humanoid_getup.benchmarks.rise import WorldChange
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.balance import GAINS, Balance, find_ankles

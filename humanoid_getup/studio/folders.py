@@ -49,15 +49,6 @@ class Folders:
             self.resolve(str(folder / file))
         return folder
 
-    def check_robot(self, folder: Path, files: Iterable[str]) -> None:
-        """Check that files may be written in the folder of a robot, links followed."""
-        for path in (folder, *(folder / file for file in files)):
-            if not self._contains(path.resolve()):
-                raise BadInputError(
-                    f"{path.resolve()}: expected a robot folder within {self._list()}, see "
-                    "--folder: copy the robot's folder there"
-                )
-
     def list_files(
         self, suffix: str, accepts: Callable[[Path], bool] = lambda _: True
     ) -> list[str]:

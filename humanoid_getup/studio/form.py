@@ -43,10 +43,6 @@ class Form:
         """Return the values of the fields."""
         return {name: self._read(name, each.value) for name, each in self._elements.items()}
 
-    def show(self, name: str, value: Any) -> None:
-        """Show the value of a field."""
-        self._elements[name].value = self._left_out[name] if value is None else value
-
     def _add(self, gui: viser.GuiApi, name: str, label: str, value: Any) -> Any:
         hint, text = hints_of(self._request)[name], find_text(self._request, name)
         base, meta, is_optional = split_hint(hint)

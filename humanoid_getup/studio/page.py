@@ -153,7 +153,6 @@ class Page:
         work: Callable[..., Result],
         ended: Callable[[Request, Result], None],
         *,
-        over: Callable[[], None] = lambda: None,
         apart: bool = True,
         busy: str = "",
     ) -> Job[Request, Result]:
@@ -163,14 +162,12 @@ class Page:
             work: A command or a function like one, done in a process of its own; or else quick work
                 in this process, a function of a request and a ``cancel``.
             ended: Called with a request and its result, as a callback.
-            over: Called at the end of any work, as a callback.
             apart: Whether it is done in a process of its own.
             busy: Problem of a request while another one runs; empty if it replaces that.
         """
         tab = self.speaker
 
         def conclude(request: Request, end: Result | Exception) -> None:
-            self.answer(over, tab)(None)
             if isinstance(end, CancelledError):
                 self.say("Cancelled.", tab)
             elif isinstance(end, Exception):

@@ -86,7 +86,6 @@ class Take:
 WORST = 4
 """Number of joints whose load is plotted."""
 LEAST_LINE = 1e-6  # N·m; a servo at its no-load speed has no torque left
-ON_LEVEL = "Recorded on level ground: the ground and the obstacles that are drawn were not there."
 IN_DEGREES = np.array([1.0, 180.0 / np.pi, 180.0 / np.pi])
 """Factors of the features of styles: a share of standing, and two angles [rad]."""
 TITLES = ("Neck height [share of standing]", "Side angle [deg]", "Front angle [deg]")
@@ -261,22 +260,6 @@ def list_facts(trial: Trial) -> tuple[str, ...]:
 
 def _count(times: int) -> str:
     return "once" if times == 1 else f"{times} times"
-
-
-def make_motion_take(world: World, motion: Motion, start: Array) -> Take:
-    """Make the take of a motion as it was recorded; it begins where positions (nq,) are."""
-    share = motion.provenance.get("disturbed_success")
-    facts = [f"From {motion.start_class}: {motion.strategy}"]
-    facts += [] if share is None else [f"Stands in {float(share):.0%} of disturbed worlds"]
-    facts += [] if world.scene.is_flat else [ON_LEVEL]
-    stand = motion.stand_time
-    return Take(
-        name=motion.name,
-        time=motion.time,
-        qpos=place_motion(world, motion, motion.time - motion.time[0], start),
-        marks=() if stand is None else (Mark(time=float(motion.time[0]) + stand, text="stands"),),
-        facts=tuple(facts),
-    )
 
 
 def make_rollout_take(rollout: StyledRollout) -> Take:

@@ -13,7 +13,6 @@ from humanoid_getup.studio.folders import containing
 from humanoid_getup.studio.form import Form
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.stage import Stage
-from humanoid_getup.studio.tabs.discover_tab import DiscoverTab
 from humanoid_getup.studio.tabs.keyframe_tab import KeyframeTab
 from humanoid_getup.studio.tabs.picture_tab import PictureTab
 from humanoid_getup.studio.tabs.plan_tab import PlanTab
@@ -38,7 +37,6 @@ TABS: dict[str, Callable[[Page], object]] = {
     "Pose": PoseTab,
     "Keyframes": KeyframeTab,
     "Plan": PlanTab,
-    "Discover": DiscoverTab,
     "Style": StyleTab,
 }
 

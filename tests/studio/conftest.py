@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
 PRELOADED = (
     "humanoid_getup.commands.get_up.rise",
-    "humanoid_getup.commands.look.replay",
-    "humanoid_getup.commands.motions.discover_motions",
     "humanoid_getup.commands.motions.import_keys",
     "humanoid_getup.studio.edit_keys",
     "humanoid_getup.studio.pose_robot",

@@ -42,18 +42,3 @@ def test_files_outside_are_refused_and_links_to_them_not_listed(tmp_path: Path):
     (tmp_path / "secret.json").touch()
     (inside / "link.json").symlink_to(tmp_path / "secret.json")
     assert Folders([inside]).list_files(".json") == []
-
-
-def test_a_robot_is_written_within_the_folders_only_links_followed(tmp_path: Path):
-    inside, outside = tmp_path / "inside", tmp_path / "outside"
-    for folder in (inside / "robot", outside / "robot"):
-        folder.mkdir(parents=True)
-    folders = Folders([inside])
-    folders.check_robot(inside / "robot", ["motions", "keys.toml"])
-    (inside / "link").symlink_to(outside / "robot")
-    for folder in (outside / "robot", inside / "link", inside / "robot" / ".." / ".."):
-        with pytest.raises(BadInputError, match=r"expected a robot folder within .*, see --folder"):
-            folders.check_robot(folder, [])
-    (inside / "robot" / "motions").symlink_to(outside)
-    with pytest.raises(BadInputError, match=f"{outside}: expected a robot folder"):
-        folders.check_robot(inside / "robot", ["motions"])

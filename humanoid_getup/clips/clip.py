@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.clips import joint_names
-from humanoid_getup.clips.joint_names import HIPS, SIDES, Names, is_foot, on_side
+from humanoid_getup.clips.joint_names import MIDDLE, SIDES, is_foot
 from humanoid_getup.clips.recording import Recording
 from robots.body.limbs import LIMB_NAMES, LimbName, LimbPose
 from robots.quaternion import Array
@@ -48,7 +47,7 @@ class Clip(Recording):
     @property
     def leg_length(self) -> float:
         """Return the distance from the hips to the lowest foot in the rest pose [m]."""
-        left, right = (self.rest[self.find(on_side(HIPS, side), f"{side} hip")] for side in SIDES)
+        left, right = (self.rest[self.find(f"{side} hip")] for side in SIDES)
         return float((0.5 * (left + right) - self.lowest_foot(self.rest))[2])
 
     def lowest_foot(self, pose: Mapping[str, Array]) -> Array:
@@ -103,7 +102,7 @@ def read_body(clip: Clip) -> ClipBody:
         limbs={
             name: places.limb(name, rest)
             for name in LIMB_NAMES
-            if "leg" in name or places.has(name)
+            if "leg" in name or all(clip.has(f"{name[:-4]} {end}") for end in ("elbow", "wrist"))
         },
     )
 
@@ -114,18 +113,10 @@ class _Places:
     def __init__(self, clip: Clip, *, is_rest: bool) -> None:
         self._clip, self._is_rest = clip, is_rest
 
-    def of(self, names: Names, what: str) -> Array:
-        """Return the positions of the joint with one of some names, (T, 3)."""
-        name = self._clip.find(names, what)
+    def of(self, what: str) -> Array:
+        """Return the positions of a joint, such as the "left hip", (T, 3)."""
+        name = self._clip.find(what)
         return self._clip.rest[name][None] if self._is_rest else self._clip.joints[name]
-
-    def has(self, limb: LimbName) -> bool:
-        """Tell whether the clip has an arm's elbow and wrist."""
-        side = limb.split("_")[0]
-        return all(
-            set(on_side(n, side)) & self._clip.joints.keys()
-            for n in (joint_names.ELBOWS, joint_names.WRISTS)
-        )
 
     def hips(self) -> Array:
         """Return the middle of the hips, (T, 3)."""
@@ -140,37 +131,25 @@ class _Places:
     def torso(self) -> Array:
         """Return the axes of hips and neck, (T, 3, 3)."""
         left, right = self._hip_ends()
-        return self._axes(left - right, self._neck() - self.hips(), "hips and neck")
+        return self._axes(left - right, self.of("neck") - self.hips(), "hips and neck")
 
     def chest(self) -> Array:
         """Return the axes of shoulders and neck, (T, 3, 3)."""
-        across = self._joint(joint_names.SHOULDERS, "left", "shoulder")
-        across = across - self._joint(joint_names.SHOULDERS, "right", "shoulder")
-        return self._axes(across, self._neck() - self._spine(), "shoulders and neck")
+        across = self.of("left shoulder") - self.of("right shoulder")
+        return self._axes(across, self.of("neck") - self._spine(), "shoulders and neck")
 
     def limb(self, name: LimbName, rest: _Places) -> LimbTrack:
         """Return the directions of a limb."""
         side, kind = name.split("_")
-        if kind == "arm":
-            parts = (
-                (joint_names.SHOULDERS, "shoulder"),
-                (joint_names.ELBOWS, "elbow"),
-                (joint_names.WRISTS, "wrist"),
-            )
-            first, middle, end = (self._joint(names, side, what) for names, what in parts)
-        else:
-            first = self._hip_ends()[0 if side == "left" else 1]
-            middle, end = (
-                self._joint(names, side, what)
-                for names, what in ((joint_names.KNEES, "knee"), (joint_names.ANKLES, "ankle"))
-            )
+        parts = ("shoulder", "elbow", "wrist") if kind == "arm" else ("hip", "knee", "ankle")
+        first, middle, end = (self.of(f"{side} {part}") for part in parts)
         upper = self._unit(middle - first, f"upper {name}")
         lower = self._unit(end - middle, f"lower {name}")
         return LimbTrack(upper, lower, self._foot(side, lower, rest) if kind == "leg" else None)
 
     def _foot(self, side: str, lower: Array, rest: _Places) -> Array | None:
         """Return the axes of a foot, level where it is in the rest pose, (T, 3, 3)."""
-        if not set(on_side(joint_names.TOES, side)) & self._clip.joints.keys():
+        if not self._clip.has(f"{side} toes"):
             return None
         forward, still = self._forward(side), rest._forward(side)[0]
         left = self._unit(np.cross(-lower, forward), f"{side} foot")
@@ -180,31 +159,21 @@ class _Places:
         return np.stack([level, left, np.cross(level, left)], axis=-1)
 
     def _forward(self, side: str) -> Array:
-        toes, ankle = (
-            self._joint(joint_names.TOES, side, "toes"),
-            self._joint(joint_names.ANKLES, side, "ankle"),
-        )
-        return self._unit(toes - ankle, f"{side} foot")
+        return self._unit(self.of(f"{side} toes") - self.of(f"{side} ankle"), f"{side} foot")
 
     def _hip_ends(self) -> tuple[Array, Array]:
-        return self._joint(HIPS, "left", "hip"), self._joint(HIPS, "right", "hip")
-
-    def _neck(self) -> Array:
-        return self.of(joint_names.NECKS, "neck")
+        return self.of("left hip"), self.of("right hip")
 
     def _spine(self) -> Array:
         """Return a joint of the spine; without one, a place between hips and neck."""
         rest = _Places(self._clip, is_rest=True)
-        ends = rest.hips(), rest._neck()
-        for name in joint_names.SPINES:
+        ends = rest.hips(), rest.of("neck")
+        for name in MIDDLE["spine"]:
             if name in self._clip.joints:
                 away = [float(np.linalg.norm(self._clip.rest[name] - end)) for end in ends]
                 if min(away) > LEAST_SPINE * sum(away):
-                    return self.of((name,), "spine")
-        return 0.5 * (self.hips() + self._neck())
-
-    def _joint(self, names: Names, side: str, what: str) -> Array:
-        return self.of(on_side(names, side), f"{side} {what}")
+                    return (self._clip.rest if self._is_rest else self._clip.joints)[name]
+        return 0.5 * (self.hips() + self.of("neck"))
 
     def _axes(self, left: Array, up: Array, what: str) -> Array:
         """Return axes with their left along one vector and their up near another, (T, 3, 3)."""

@@ -85,9 +85,7 @@ def read_bvh(file: Path) -> Recording:
         check_size(len(lines) - head, len(joints))
         channels = sum(len(joint.channels) for joint in joints)
         period, frames = _read_motion(lines[head + 1 :], channels)
-        still = _find_zero(joints, frames)
-        places = _place_joints(joints, frames)
-        rest = {name: path[0] for name, path in _place_joints(joints, still).items()}
+        places, rest = _place_joints(joints, frames)
     except READ_ERRORS as error:
         raise ValueError(f"clip {file}: it is not a BVH file: {explain(error)}") from error
     return Recording(file=file, period=period, joints=places, rest=rest)
@@ -167,33 +165,13 @@ def _read_motion(lines: list[str], channels: int) -> tuple[float, Array]:
     return period, read_numbers(lines[2:], channels)
 
 
-def _find_zero(joints: list[BvhJoint], frames: Array) -> Array:
-    """Return the frame of all angles zero, (1, n), in which positions are those of the bones.
+def _place_joints(
+    joints: list[BvhJoint], frames: Array
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Compute the position of each joint in all frames, (T, 3), and with all angles zero, (3,).
 
-    Position channels below the root replace a joint's OFFSET, unless their lengths show that they
-    are to be added to it: then the frames (T, n) get it.
+    Position channels replace a joint's OFFSET, unless their length shows that they are to be added.
     """
-    still, offsets = np.zeros((1, frames.shape[1])), np.zeros(frames.shape[1])
-    at, misfit = len(joints[0].channels), 0.0
-    for joint in joints[1:]:
-        axes = {
-            at + k: "XYZ".index(channel[0].upper())
-            for k, channel in enumerate(joint.channels)
-            if channel[1:].lower() == POSITION
-        }
-        at, columns = at + len(joint.channels), list(axes)
-        still[0, columns] = np.median(frames[:, columns], axis=0)
-        offsets[columns] = joint.offset[list(axes.values())]
-        moved, bone = np.linalg.norm(still[0, columns]), np.linalg.norm(offsets[columns])
-        misfit += float(abs(moved - bone) - moved)
-    if misfit > 0.0:
-        frames += offsets
-        still += offsets
-    return still
-
-
-def _place_joints(joints: list[BvhJoint], frames: Array) -> dict[str, Array]:
-    """Compute the position of each joint in all frames, (T, 3)."""
     offsets: list[Array] = []
     turns: list[Rotation] = []
     at = 0
@@ -208,13 +186,16 @@ def _place_joints(joints: list[BvhJoint], frames: Array) -> dict[str, Array]:
             else:
                 angles.append(value)
                 axes += channel[0].upper()
+        length = np.linalg.norm(np.median(moved, axis=0))
+        if joint.parent >= 0 and length < 0.5 * np.linalg.norm(joint.offset):
+            moved += joint.offset
         own = Rotation.identity(len(frames))
         if angles:
             own = Rotation.from_euler(axes, np.stack(angles, axis=-1), degrees=True)
         offsets.append(moved)
         turns.append(own)
-    places = place_joints([joint.parent for joint in joints], offsets, turns)
-    return {joint.name: place for joint, place in zip(joints, places, strict=True)}
+    names, parents = [joint.name for joint in joints], [joint.parent for joint in joints]
+    return place_joints(names, parents, offsets, turns)
 
 
 INCH = 0.0254  # m

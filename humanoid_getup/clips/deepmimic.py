@@ -9,7 +9,13 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.clips.recording import MOST_BYTES, Recording, check_size, place_joints
+from humanoid_getup.clips.recording import (
+    LONGEST_FRAME,
+    MOST_BYTES,
+    Recording,
+    check_size,
+    place_joints,
+)
 from robots.quaternion import Array
 from robots.storage.validation import parse_file, reading
 
@@ -55,34 +61,29 @@ def read_deepmimic(file: Path) -> Recording:
         motion = parse_file(file, "such JSON", _decode, MOST_BYTES)
         frames = np.array(motion.frames)
         lasts = np.append(frames[:-1, 0], frames[0, 0])  # that of the last frame may be 0
-        if lasts.min() <= 0.0:
+        wrong = np.flatnonzero((lasts < SMALL) | (lasts > LONGEST_FRAME))
+        if len(wrong):
             raise ValueError(
-                f"frame {lasts.argmin() + 1} lasts {lasts.min():g} s, expected above 0 s"
+                f"frame {wrong[0] + 1} lasts {lasts[wrong[0]]:g} s, expected {SMALL:g} to "
+                f"{LONGEST_FRAME:g} s"
             )
         period, time = float(np.median(lasts)), np.cumsum(lasts) - lasts
         check_size(round(time[-1] / period) + 1, len(JOINTS))
         even = period * np.arange(round(time[-1] / period) + 1)
-        joints = {
-            name: np.stack([np.interp(even, time, column) for column in rows.T], axis=-1)
-            for name, rows in _place(frames).items()
-        }
-    still = np.zeros((1, COLUMNS))
-    still[:, [first for *_, first, count in JOINTS if count == 4]] = 1.0
-    rest = {name: row[0] for name, row in _place(still).items()}
+        offsets = [np.tile(offset, (len(frames), 1)) for _, _, offset, _, _ in JOINTS]
+        offsets[0] = frames[:, ROOT]
+        turns = [_turn(name, frames, first, count) for name, _, _, first, count in JOINTS]
+    names, parents = [joint[0] for joint in JOINTS], [joint[1] for joint in JOINTS]
+    places, rest = place_joints(names, parents, offsets, turns)
+    joints = {
+        name: np.stack([np.interp(even, time, column) for column in rows.T], axis=-1)
+        for name, rows in places.items()
+    }
     return Recording(file=file, period=period, joints=joints, rest=rest, unit=1.0)
 
 
 def _decode(text: str) -> _Motion:
     return msgspec.json.decode(text, type=_Motion)
-
-
-def _place(frames: Array) -> dict[str, Array]:
-    """Compute the position of each joint [m] in frames (T, 44), (T, 3)."""
-    offsets = [np.tile(offset, (len(frames), 1)) for _, _, offset, _, _ in JOINTS]
-    offsets[0] = frames[:, ROOT]
-    turns = [_turn(name, frames, first, count) for name, _, _, first, count in JOINTS]
-    places = place_joints([parent for _, parent, *_ in JOINTS], offsets, turns)
-    return {joint[0]: place for joint, place in zip(JOINTS, places, strict=True)}
 
 
 def _turn(name: str, frames: Array, first: int, count: int) -> Rotation:

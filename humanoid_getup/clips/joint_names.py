@@ -4,38 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-Names = tuple[str, ...]
-SIDES = ("left", "right")
-# Of the left side; `on_side` names those of the right one.
-HIPS = ("lfemur", "LeftUpLeg", "LeftHip", "LeftThigh", "lThigh", "LHipJoint", "L_Hip")
-NECKS = ("lowerneck", "Neck", "neck", "Neck1", "NeckBase")
-SHOULDERS = ("lhumerus", "LeftArm", "LeftUpArm", "LeftShoulder", "lShldr", "L_Shoulder")
-ELBOWS = ("lradius", "LeftForeArm", "LeftLowArm", "LeftElbow", "lForeArm", "L_Elbow")
-WRISTS = ("lwrist", "LeftHand", "LeftWrist", "lHand", "L_Wrist")
-KNEES = ("ltibia", "LeftLeg", "LeftKnee", "LeftShin", "LeftLowLeg", "lShin", "L_Knee")
-ANKLES = ("lfoot", "LeftFoot", "LeftAnkle", "lFoot", "L_Ankle")
-TOES = ("ltoes", "LeftToeBase", "LeftToe", "lToe", "L_Toe", "L_Foot")
-SPINES = ("upperback", "Spine1", "Spine", "Chest", "spine", "abdomen", "Spine_1")
-"""A joint above the pelvis, below the chest."""
+# Of the left side; those of the right one follow.
+LIMBS = {
+    "hip": ("lfemur", "LeftUpLeg", "LeftHip", "LeftThigh", "lThigh", "LHipJoint", "L_Hip"),
+    "knee": ("ltibia", "LeftLeg", "LeftKnee", "LeftShin", "LeftLowLeg", "lShin", "L_Knee"),
+    "ankle": ("lfoot", "LeftFoot", "LeftAnkle", "lFoot", "L_Ankle"),
+    "toes": ("ltoes", "LeftToeBase", "LeftToe", "lToe", "L_Toe", "L_Foot"),
+    "shoulder": ("lhumerus", "LeftArm", "LeftUpArm", "LeftShoulder", "lShldr", "L_Shoulder"),
+    "elbow": ("lradius", "LeftForeArm", "LeftLowArm", "LeftElbow", "lForeArm", "L_Elbow"),
+    "wrist": ("lwrist", "LeftHand", "LeftWrist", "lHand", "L_Wrist"),
+}
+MIDDLE = {
+    "neck": ("lowerneck", "Neck", "neck", "Neck1", "NeckBase"),
+    "spine": ("upperback", "Spine1", "Spine", "Chest", "spine", "abdomen", "Spine_1"),
+}
+"""The spine is a joint above the pelvis, below the chest."""
 FEET = ("foot", "toe", "ankle")
+SIDES = ("left", "right")
 MOST_LISTED = 40  # names in a message
 
 
-def on_side(names: Names, side: str) -> Names:
-    """Name the joints of a side by those of the left one."""
-    if side == "left":
-        return names
+def name_joint(what: str) -> tuple[str, ...]:
+    """Return the known names of a joint, such as "left hip" or "neck"."""
+    side, _, part = what.rpartition(" ")
+    if side != "right":
+        return LIMBS[part] if side else MIDDLE[part]
     return tuple(
         name.replace("Left", "Right")
         if "Left" in name
         else {"l": "r", "L": "R"}[name[0]] + name[1:]
-        for name in names
+        for name in LIMBS[part]
     )
 
 
-LIMBS: Names = (*HIPS, *SHOULDERS, *ELBOWS, *WRISTS, *KNEES, *ANKLES, *TOES)
-OTHER_SIDE: dict[str, str] = dict(zip(LIMBS, on_side(LIMBS, "right"), strict=True))
-OTHER_SIDE |= {right: left for left, right in OTHER_SIDE.items()}
+OTHER_SIDE = {
+    own: other
+    for part in LIMBS
+    for sides in (SIDES, SIDES[::-1])
+    for own, other in zip(*(name_joint(f"{side} {part}") for side in sides), strict=True)
+}
+"""The joint of the other side of one of a limb."""
 
 
 def is_foot(name: str) -> bool:

@@ -8,9 +8,8 @@ from functools import reduce
 
 import numpy as np
 
-from humanoid_getup.clips import joint_names
 from humanoid_getup.clips.clip import UNITS, Clip, ClipLayout
-from humanoid_getup.clips.joint_names import HIPS, OTHER_SIDE, SIDES, Names, on_side, rename_joints
+from humanoid_getup.clips.joint_names import OTHER_SIDE, SIDES, rename_joints
 from humanoid_getup.clips.recording import Recording
 from robots.quaternion import Array
 from robots.storage.validation import reading
@@ -75,16 +74,13 @@ class _Body:
     """Legs and trunk of a recording, which show its layout."""
 
     def __init__(self, recording: Recording) -> None:
-        self._recording, rest, legs = recording, recording.rest, []
+        self._recording, legs = recording, []
+        trunk = np.linalg.norm(self._ways(recording.rest)[2])
         for side in SIDES:
-            hip, ankle = (
-                self._find(rest, HIPS, side, "hip"),
-                self._find(rest, joint_names.ANKLES, side, "ankle"),
-            )
-            knees = [rest[name] for name in on_side(joint_names.KNEES, side) if name in rest]
-            points = np.array([hip, *knees[:1], ankle])
+            parts = [part for part in ("hip", "knee", "ankle") if recording.has(f"{side} {part}")]
+            points = [recording.rest[recording.find(f"{side} {part}")] for part in parts]
             legs.append(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        self._lengths = np.array([*legs, np.linalg.norm(self._ways(rest)[2])])
+        self._lengths = np.array([*legs, trunk])
         if not (self._lengths > 0.0).all():
             raise ValueError(
                 f"{self._place}: hips, feet and neck are in one place, expected a body"
@@ -147,10 +143,10 @@ class _Body:
 
     def is_backward(self, rest: Mapping[str, Array], side: str) -> bool:
         """Tell whether a foot points backward in a rest pose, z up; without toes it does not."""
-        left, right = (self._find(rest, HIPS, s, "hip") for s in SIDES)
-        forward = np.cross(left - right, [0.0, 0.0, 1.0])
-        toes = [rest[name] for name in on_side(joint_names.TOES, side) if name in rest]
-        foot = toes[0] - self._find(rest, joint_names.ANKLES, side, "ankle") if toes else forward
+        left, right, ankle = (self._at(rest, n) for n in ("left hip", "right hip", f"{side} ankle"))
+        foot = forward = np.cross(left - right, [0.0, 0.0, 1.0])
+        if self._recording.has(f"{side} toes"):
+            foot = self._at(rest, f"{side} toes") - ankle
         return float(forward @ foot) < BACKWARD * float(
             np.linalg.norm(forward) * np.linalg.norm(foot)
         )
@@ -159,15 +155,16 @@ class _Body:
     def _place(self) -> str:
         return f"clip {self._recording.file}"
 
-    def _find(self, pose: Mapping[str, Array], names: Names, side: str, what: str) -> Array:
-        return pose[self._recording.find(on_side(names, side), f"{side} {what}")]
+    def _at(self, pose: Mapping[str, Array], what: str) -> Array:
+        return pose[self._recording.find(what)]
 
     def _ways(self, pose: Mapping[str, Array]) -> Array:
         """Return the ways from ankles to hips, and from these to the neck, (3, ..., 3)."""
-        hips = [self._find(pose, HIPS, side, "hip") for side in SIDES]
-        ankles = [self._find(pose, joint_names.ANKLES, side, "ankle") for side in SIDES]
-        neck = pose[self._recording.find(joint_names.NECKS, "neck")]
-        return np.array([*np.subtract(hips, ankles), neck - 0.5 * (hips[0] + hips[1])])
+        hips, ankles = (
+            np.array([self._at(pose, f"{side} {part}") for side in SIDES])
+            for part in ("hip", "ankle")
+        )
+        return np.array([*(hips - ankles), self._at(pose, "neck") - hips.mean(axis=0)])
 
     def _measure_upright(self, pose: Mapping[str, Array]) -> Array:
         """Return how far legs and trunk reach along each axis, 1 for a straight stand, (..., 6)."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from humanoid_getup.clips.joint_names import Names, list_names
+from humanoid_getup.clips.joint_names import list_names, name_joint
 from robots.quaternion import Array
 from robots.storage.files import describe, read_bounded
 
@@ -53,29 +53,40 @@ class Recording:
         frames = len(next(iter(self.joints.values())))
         return np.arange(frames, dtype=float) * self.period
 
-    def find(self, names: Names, what: str) -> str:
-        """Find the joint that has one of some names."""
-        found = [name for name in names if name in self.joints]
-        if not found:
+    def has(self, what: str) -> bool:
+        """Tell whether it has a joint, such as the "left hip"."""
+        return not self.joints.keys().isdisjoint(name_joint(what))
+
+    def find(self, what: str) -> str:
+        """Find the name of a joint, such as the "left hip"."""
+        names = name_joint(what)
+        if not self.has(what):
             raise ValueError(
                 f"clip {self.file}: it has no {what}, expected a joint {', '.join(names)}; it has "
                 f"{list_names(self.joints)} (--rename NAME={names[0]} renames one)"
             )
-        return found[0]
+        return next(name for name in names if name in self.joints)
 
 
 def place_joints(
-    parents: Sequence[int], offsets: Sequence[Array], turns: Sequence[Rotation]
-) -> list[Array]:
-    """Compute the position of each joint in all frames, (T, 3).
+    names: Sequence[str],
+    parents: Sequence[int],
+    offsets: Sequence[Array],
+    turns: Sequence[Rotation],
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Compute the position of each joint in all frames, (T, 3), and with all angles zero, (3,).
 
-    Offsets (T, 3) and turns are in the frame of the joint's parent, which comes before it.
+    Offsets (T, 3) and turns are in the frame of the joint's parent, which comes before it; the row
+    of that of a root is -1.
     """
-    places, world = [offsets[0]], [turns[0]]
-    for parent, offset, turn in zip(parents[1:], offsets[1:], turns[1:], strict=True):
-        places.append(places[parent] + world[parent].apply(offset))
-        world.append(world[parent] * turn)
-    return places
+    places, world = [*offsets], [*turns]
+    rest = [np.zeros(3) for _ in offsets]
+    for k, parent in enumerate(parents):
+        if parent >= 0:
+            places[k] = places[parent] + world[parent].apply(offsets[k])
+            world[k] = world[parent] * turns[k]
+            rest[k] = rest[parent] + np.median(offsets[k], axis=0)
+    return dict(zip(names, places, strict=True)), dict(zip(names, rest, strict=True))
 
 
 def read_lines(file: Path, most: int = MOST_BYTES) -> list[str]:

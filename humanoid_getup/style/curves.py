@@ -17,7 +17,7 @@ import scipy  # which imports its parts when they are used
 from numpy.typing import NDArray
 
 from humanoid_getup.clips.clip import Clip
-from humanoid_getup.clips.joint_names import HIPS, NECKS, is_foot, on_side
+from humanoid_getup.clips.joint_names import is_foot
 from humanoid_getup.scenes.ground import FLAT, Ground, mean_height
 from humanoid_getup.style.features import (
     AROUND,
@@ -258,9 +258,9 @@ def measure_clip(clip: Clip) -> Array:
     The height is that of the neck's base over the floor, as a share of that in the rest pose.
     Front and side are those of [Frezzato22], figure 4, from hips and neck.
     """
-    neck_name = clip.find(NECKS, "neck")
-    left = clip.joints[clip.find(HIPS, "left hip")]
-    right = clip.joints[clip.find(on_side(HIPS, "right"), "right hip")]
+    neck_name = clip.find("neck")
+    left = clip.joints[clip.find("left hip")]
+    right = clip.joints[clip.find("right hip")]
     neck, side = clip.joints[neck_name], right - left
     front = np.cross(neck - 0.5 * (left + right), side)
     standing = float(clip.rest[neck_name][2] - clip.lowest_foot(clip.rest)[2])

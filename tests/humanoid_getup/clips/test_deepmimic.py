@@ -45,9 +45,10 @@ def test_a_frame_that_lasts_longer_is_followed_by_one_between(tmp_path: Path):
         ([STILL, STILL[1:]], "length >= 44 - at `$.Frames[1]`"),
         ([[*STILL[1:], "x"]], "Expected `float`, got `str`"),
         ([[*STILL[1:], float("nan")]], "invalid character"),
-        ([[-1.0, *STILL[1:]]] * 2, "frame 1 lasts -1 s, expected above 0 s"),
+        ([[-1.0, *STILL[1:]]] * 2, "frame 1 lasts -1 s, expected 1e-06 to 1 s"),
         ([STILL, [*STILL[:8], 0, *STILL[9:]]], "frame 2 has a quaternion of length 0 for Spine"),
-        ([[1e-9, *STILL[1:]]] * 3 + [[1e9, *STILL[1:]], STILL], "expected at most 6000000"),
+        ([[1e-6, *STILL[1:]]] * 3 + [[1.0, *STILL[1:]], STILL], "expected at most 6000000"),
+        ([[1e308, *STILL[1:]]] * 3, "frame 1 lasts 1e+308 s, expected 1e-06 to 1 s"),
         ({"a": 1}, "Expected `array`"),
     ],
 )

@@ -59,7 +59,6 @@ class RiseBench(msgspec.Struct, frozen=True, kw_only=True):
     versions: Versions
     planning: bool
     filtering: bool
-    assistance: float
     prefer: str
     search_budget_s: float
     classes: dict[str, RiseSummary]

@@ -69,7 +69,6 @@ class DynamicsFilter:
     ) -> None:
         """Prepare for a world."""
         self._monitor = monitor or ProgressMonitor()
-        self.assistance = settings.assistance
         self.world, self.torque_limit = world, settings.torque_limit.on(world.robot)
         self.preference = Preference.of(settings.prefer)
         self.count = 0
@@ -98,8 +97,7 @@ class DynamicsFilter:
         """Track every candidate from the start posture, at rest."""
         self._monitor.begin(f"tracking {len(candidates)} candidates in physics")
         references = [self._refer(c) for c in candidates]
-        limit, assistance = self.torque_limit, self.assistance
-        tracker = Tracker(self.world, start, references, candidates, assistance, limit)
+        tracker = Tracker(self.world, start, references, candidates, self.torque_limit)
         record = self._play_nominal(start, len(candidates), tracker, self._coarse)
         return self._read(record, candidates, tracker.moving, tracker.joined)
 

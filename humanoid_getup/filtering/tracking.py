@@ -157,10 +157,9 @@ class Tracker:
         start: Posture,
         references: list[Reference],
         candidates: list[Candidate],
-        assistance: float,
         limit: TorqueLimit,
     ) -> None:
-        """Prepare to track; ``assistance`` is a factor on that of each candidate."""
+        """Prepare to track."""
         robot = world.robot
         self._limbs, self._robot, self._ground = LimbMap.of(world), robot, world.scene.ground
         self._torso = robot.layout(world.model).torso
@@ -175,7 +174,7 @@ class Tracker:
         self._reference = np.concatenate([target, com, velocity], axis=2)
         self._joined = np.array([r.joined for r in references])
         self._begins = np.array([r.begins for r in references])
-        self._assistance = assistance * np.array([[c.assistance] for c in candidates])
+        self._assistance = np.array([[c.assistance] for c in candidates])
         self._yielding = Yielding(robot, limit, len(candidates))
         slowdown = [c.slowdown or NO_SLOWDOWN for c in candidates]
         self._tolerance, self._band, self._slowest = np.array(

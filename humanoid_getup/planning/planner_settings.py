@@ -9,7 +9,7 @@ from humanoid_getup.motions.preference import Preference, PreferenceName
 from robots import FULL_TORQUE, TorqueLimit
 from robots.arguments import expect
 
-MOST_BUDGET, MOST_ASSISTANCE = 1e6, 10.0
+MOST_BUDGET = 1e6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +26,6 @@ class PlannerSettings:
     """Plan a path to the connecting posture; False: interpolate straight to it."""
     filtering: bool = True
     """Filter through physics; False: path and motion are played as they are."""
-    assistance: float = 1.0
-    """Factor on the virtual actuator's torques in the filter."""
     threads: int = 0
     """Threads that step physics; 0 for one per processor. They change no result."""
 
@@ -38,7 +36,6 @@ class PlannerSettings:
         Preference.of(self.prefer)
         for name, kind, what in (
             ("search_budget", int | float, "a number of seconds"),
-            ("assistance", int | float, "a share from 0"),
             ("threads", int, "a whole number from 0"),
         ):
             expect(name, getattr(self, name), kind, what)
@@ -52,10 +49,6 @@ class PlannerSettings:
                 f"search_budget is {self.search_budget} s, expected above 0 s, at most "
                 f"{MOST_BUDGET:g} s"
             )
-        if not 0.0 <= self.assistance <= MOST_ASSISTANCE:
-            raise ValueError(
-                f"assistance is {self.assistance}, expected a share from 0 to {MOST_ASSISTANCE:g}"
-            )
 
     def describe(self) -> dict[str, Any]:
         """Return the settings that change a result, by their keys in reports."""
@@ -64,7 +57,6 @@ class PlannerSettings:
             "limit_by": self.torque_limit.by,
             "planning": self.planning,
             "filtering": self.filtering,
-            "assistance": self.assistance,
             "prefer": self.prefer,
             "search_budget_s": self.search_budget,
         }

@@ -228,9 +228,7 @@ class FreeRise:
 
         A motion of a weak robot may stand as it is, and fall where its center of mass is pushed.
         """
-        if not self._is_flat or self._tools.filter.assistance == 0.0:
-            return []
-        return [replace(c, assistance=0.0) for c in candidates]
+        return [replace(c, assistance=0.0) for c in candidates] if self._is_flat else []
 
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
         """Find the places with room to stand; ``None`` without obstacles."""

@@ -158,7 +158,6 @@ PlanRequest(seed='a').check() | --seed is 'a', expected a whole number, 0 to
 PlanRequest(seed=True).check() | --seed is True, expected a whole number, 0 to
 PlanRequest(robot=None).check() | --robot is None, expected a text
 PlanRequest(refinement='no').check() | --refinement is 'no', expected True or False
-BenchRise(assistance=nan).check() | --assistance is nan, expected 0 to 1
 """
 
 
@@ -176,7 +175,7 @@ def test_a_request_takes_a_text_for_a_path_a_path_for_a_text_and_a_list_for_a_tu
     assert hg.ExtractRequest(source=Path("a.npz"), out="mine.toml").source == "a.npz"
     assert hg.ClipRequest(files=["a.bvh"]).files == (Path("a.bvh"),)
     assert hg.PlanRequest(origin="prone", key=[Path("a.json")]).key == ("a.json",)
-    hg.BenchRise(assistance=1).check()
+    hg.BenchRise(search_budget=1).check()
 
 
 def test_a_stored_motion_is_named_or_given(world):

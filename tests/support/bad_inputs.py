@@ -162,7 +162,6 @@ bench rise --engine cloud | --engine is 'cloud' | local, dask or slurm
 bench rise --engine local:0 | --engine is 'local:0', expected 1 to 256 workers
 bench all --engine local --address 10.0.0.1:1 | expected none with engine local
 bench rise --torque-limit nan | --torque-limit is nan N·m
-bench rise --assistance 1.5 | --assistance is 1.5, expected 0 to 1
 # bodies
 rise --from supine --body tail=2 | --body 'tail=2': unknown part 'tail' | arms
 rise --from supine --body arms | arms is '', expected a factor from 0.25 to 4

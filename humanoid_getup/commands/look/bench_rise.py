@@ -43,7 +43,6 @@ from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots.storage.validation import between
 
 HEADINGS = {
     "n": "n",
@@ -67,8 +66,6 @@ class BenchRise(EngineOptions, PlannerOptions, BodyOption, SceneOptions):
 
     n: Count = 20
     """Falls of each class: supine, prone, lateral."""
-    assistance: Annotated[float, between(0.0, 1.0)] = 1.0
-    """Factor on the virtual actuator's torques in the filter; with 0, no candidate has it."""
     ledger: Annotated[Path | None, WRITTEN, arg(metavar="FILE")] = None
     """File in which every finished rise is kept, for work of hours: --resume continues with it,
     without --resume an earlier ledger is replaced."""

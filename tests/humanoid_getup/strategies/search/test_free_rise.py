@@ -39,7 +39,6 @@ class Filter:
     rounds: list[list[Candidate]] = field(default_factory=list)
     searches: int = 0
 
-    assistance: float = 1.0
     is_demanding: bool = False
 
     @property

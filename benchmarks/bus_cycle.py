@@ -41,7 +41,7 @@ from drivers.real_time_class import in_real_time_class
 from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.serving.fault_injector import Physics
+from drivers.virtual_bus.serving.exchange import Physics
 from drivers.virtual_bus.serving.server import VirtualBus
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Robot, load_robot

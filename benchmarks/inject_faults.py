@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import tyro
 from checked_driver import CheckedDriver
+from fault_injector import FaultInjector, LineFault
 from script import Options, do_pieces, write_results
 
 from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State
@@ -26,8 +27,7 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.errors import UnreleasedError
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.fault_injector import FaultInjector, LineFault
-from drivers.virtual_bus.serving.server import PortOptions, TimeMode
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.experiments.falls import find_rest
@@ -210,8 +210,7 @@ def play_with_fault(options: FaultOptions, piece: tuple[str, int]) -> FaultTrial
     world, motion = load_played(options)
     robot, rng = world.robot, np.random.default_rng([options.seed, number])
     virtual = VirtualRobot(Simulation(world), powered=True)
-    faulty = PortOptions(rng=rng)
-    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, options=faulty) as ports:
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = CheckedDriver(virtual, ports, clock=CycleClock())
         with driver:
             pass  # the first connection configures the servos, which may take time
@@ -221,7 +220,8 @@ def play_with_fault(options: FaultOptions, piece: tuple[str, int]) -> FaultTrial
         at = (motion.duration or hold_time(motion)) * rng.uniform(*WINDOW)
         servo = robot.joints[int(rng.integers(robot.n))].servo
         board = robot.bus.board.id if robot.bus and robot.bus.board else 0
-        target = FaultTarget(ports.main.faults, guard, servo.id, board)
+        faults = FaultInjector(ports.main, rng.spawn(1)[0])
+        target = FaultTarget(faults, guard, servo.id, board)
         player = FaultyPlayer(motion, CASES[name], target, at)
         injected_at: list[float] = []
 

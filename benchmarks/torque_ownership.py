@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 import tyro
 from checked_driver import CheckedDriver
+from fault_injector import FaultInjector
 from other_servos import use_servos
 
 import humanoid_getup as hg
@@ -33,7 +34,7 @@ from drivers import Cycle, SafetyGuard
 from drivers.dynamixel.clock import CycleClock
 from drivers.errors import DriverError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import PortOptions, TimeMode
+from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.execution.after_stand import AfterStand
@@ -124,12 +125,11 @@ def make_world(servos: str) -> World:
 
 
 @contextmanager
-def open_bench(world: World, rng: np.random.Generator) -> Iterator[Bench]:
+def open_bench(world: World) -> Iterator[Bench]:
     """Open a robot that squats on a virtual bus."""
     robot = world.robot
     virtual = VirtualRobot(Simulation(world), powered=True)
-    options = PortOptions(rng=rng)
-    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, options=options) as ports:
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         without_imu = robot.imu_kind is None
         driver = CheckedDriver(virtual, ports, clock=CycleClock(), without_imu=without_imu)
         with driver:
@@ -178,7 +178,7 @@ def run_session(
 def count_cycles(world: World, phase: str) -> int:
     """Count the cycles of a phase without an event."""
     counts, present = Counter[str](), [""]
-    with open_bench(world, np.random.default_rng(0)) as bench:
+    with open_bench(world) as bench:
         run_session(
             bench,
             world,
@@ -204,7 +204,7 @@ def choose_ending(world: World, phase: str) -> str:
 
 def strike(bench: Bench, event: str, servo: int) -> Callable[[], None]:
     """Make what brings an event about."""
-    faults = bench.ports.main.faults
+    faults = FaultInjector(bench.ports.main, np.random.default_rng(0))
 
     def pause() -> None:
         bench.wait(PAUSE)
@@ -229,7 +229,7 @@ def try_event(world: World, phase: str, event: str, cycles: int, rng: np.random.
     robot, at = world.robot, int(rng.integers(max(cycles - 1, 1)))
     servo = robot.joints[int(rng.integers(robot.n))].servo.id
     seen, when, present = [0], [np.inf], list[Phase]()
-    with open_bench(world, rng) as bench:
+    with open_bench(world) as bench:
         act = strike(bench, event, servo)
 
         def come() -> None:
@@ -239,7 +239,8 @@ def try_event(world: World, phase: str, event: str, cycles: int, rng: np.random.
 
         def look(_cycle: Cycle) -> None:
             if event == "dip" and bench.virtual.physics.time - when[0] > DIP_TIME:
-                bench.ports.main.faults.sag(robot.supply_voltage)
+                supply = robot.supply_voltage
+                bench.ports.main.call(lambda: bench.virtual.physics.sag(supply))
             if phase != "hand-over" and present[-1:] == [PHASES[phase]]:
                 seen[0] += 1
                 if seen[0] == at + 1:
@@ -303,7 +304,7 @@ def try_stop(world: World, then: str, packets: int, rng: np.random.Generator) ->
     """Stop a robot at a random packet of a session; count those of a session without stop: 0."""
     counted = [0]
     at = int(rng.integers(packets)) if packets else -1
-    with open_bench(world, rng) as bench:
+    with open_bench(world) as bench:
         port = bench.driver.chains[0].bus.port
         write, handed = port.write, [-1]
 

@@ -48,7 +48,6 @@ class VirtualPorts:
             own = replace(
                 options,
                 link=self._link_to(name) if len(robot.chains) > 1 else self._link,
-                rng=options.rng.spawn(1)[0] if options.rng else None,
             )
             self.buses[name] = VirtualBus(
                 chain,

@@ -15,7 +15,7 @@ from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import VirtualBno08xI2c
 from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualBno08xRvc, VirtualSerialLine
-from drivers.virtual_bus.serving.fault_injector import Physics
+from drivers.virtual_bus.serving.exchange import Physics
 from drivers.virtual_bus.servo_physics import HandledRobot, ServoPhysics
 from robots import Robot
 from robots.imu import ImuSettings

@@ -6,14 +6,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from drivers import Backend, GuardLimits, SafetyGuard, State, Twin
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import serve_robot
-from drivers.virtual_bus.serving.server import PortOptions, TimeMode
+from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.commands.inputs import name_ports
 from humanoid_getup.commands.options import BackendOptions
 from humanoid_getup.simulation.world import World
@@ -66,9 +64,9 @@ def open_backend(
         realtime = request.realtime or not waits
         yield BackendChoice(backend=driver, realtime=realtime, warnings=warnings)
         return
-    simulation, rng = Simulation(world), np.random.default_rng(request.seed)
+    simulation = Simulation(world)
     time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
-    with serve_robot(simulation, time_mode=time_mode, options=PortOptions(rng=rng)) as served:
+    with serve_robot(simulation, time_mode=time_mode) as served:
         driver = DynamixelBackend(
             robot,
             served.paths,

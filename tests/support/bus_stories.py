@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from fault_injector import FaultInjector
 from paths import TINY
 
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
@@ -32,7 +33,8 @@ class Served:
 
     def __init__(self, virtual: VirtualRobot, ports: VirtualPorts) -> None:
         self.virtual, self.robot, self._ports = virtual, virtual.robot, ports
-        self.call, self.faults = ports.main.call, ports.main.faults
+        self.call = ports.main.call
+        self.faults = FaultInjector(ports.main, np.random.default_rng(0))
 
     @property
     def path(self) -> str:

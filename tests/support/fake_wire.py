@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 from fake_devices import FakeDevices
+from fault_injector import FaultInjector
 from still_physics import StillPhysics
 
 from drivers.virtual_bus.serving.exchange import Exchange
-from drivers.virtual_bus.serving.fault_injector import FaultInjector
 
 LEAST = 1e-7  # s that a wait takes
 
@@ -80,7 +80,8 @@ def exchange_with(
     devices: FakeDevices, seed: int = 0, **options: bool
 ) -> tuple[Exchange, FaultInjector]:
     """Connect devices to an exchange, without a thread; return its faults as well."""
-    physics = StillPhysics(devices)
+    exchange = Exchange(devices, physics := StillPhysics(devices), **options)
     bus = SimpleNamespace(call=lambda action: action(), devices=devices, physics=physics)
     faults = FaultInjector(bus, np.random.default_rng(seed))
-    return Exchange(devices, physics, faults, **options), faults
+    exchange.line = faults.line
+    return exchange, faults

@@ -11,8 +11,7 @@ from drivers.dynamixel.protocol2 import Packet
 from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.serial_port import PortLostError, PortRefusedError
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.serving.exchange import expects_reply
-from drivers.virtual_bus.serving.fault_injector import Physics
+from drivers.virtual_bus.serving.exchange import Physics, expects_reply
 from drivers.virtual_bus.serving.lock_step import QUIET
 
 

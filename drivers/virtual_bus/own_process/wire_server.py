@@ -17,7 +17,7 @@ from drivers.virtual_bus.own_process.shared_rows import (
     count_measurements,
     write_commands,
 )
-from drivers.virtual_bus.serving.fault_injector import Physics
+from drivers.virtual_bus.serving.exchange import Physics
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualDevices

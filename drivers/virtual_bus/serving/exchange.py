@@ -1,15 +1,15 @@
-"""Exchange between a port and the devices behind it: instructions, replies, faults, time."""
+"""Exchange between a port and the devices behind it: instructions, replies, time."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Protocol
 
 from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.dynamixel.wire import PROTOCOL_2, Wire, encode_item
 from drivers.virtual_bus.devices.chain import Chain, Reply
-from drivers.virtual_bus.serving.fault_injector import FaultInjector, Physics
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 GROUP_READS = (
@@ -106,19 +106,46 @@ def byte_time(baud: int) -> float:
     return BITS_PER_BYTE / baud if baud else 0.0
 
 
+class Physics(Protocol):
+    """What a bus asks of the physics behind its devices."""
+
+    time: float
+    """Bus time that it has reached [s]."""
+    is_light: bool
+    """Whether it computes next to nothing, so that its thread may go before all others."""
+
+    def advance(self, to: float) -> None:
+        """Advance physics and devices to a bus time [s], or to the last step before it."""
+
+    def pass_period(self) -> None:
+        """Advance by one control period."""
+
+
+class Line:
+    """What is between a client and the devices: nothing here; another one may disturb it."""
+
+    silent = False
+    """Whether no instruction comes to the devices."""
+
+    def strikes_echo(self) -> bool:
+        """Return whether the adapter returns this request."""
+        return False
+
+    def disturb_request(self, item: Packet | Damaged) -> list[Packet | Damaged]:
+        """Return an instruction as the devices receive it."""
+        return [item]
+
+    def disturb_reply(self, reply: Reply) -> list[Reply]:
+        """Return a reply as the client receives it."""
+        return [reply]
+
+
 class Exchange:
     """Passes instructions to devices, and advances physics."""
 
-    def __init__(
-        self,
-        devices: Chain,
-        physics: Physics,
-        faults: FaultInjector,
-        *,
-        advances_time: bool = True,
-    ) -> None:
+    def __init__(self, devices: Chain, physics: Physics, *, advances_time: bool = True) -> None:
         """Connect devices and physics; the parameters are those of `VirtualBus`."""
-        self._devices, self._physics, self._faults = devices, physics, faults
+        self._devices, self._physics, self.line = devices, physics, Line()
         self._advances_time = advances_time
         self.statistics = WireStatistics()
         self.wire = devices.wire
@@ -143,7 +170,7 @@ class Exchange:
 
     def run(self, request: ReceivedInstruction) -> list[Reply]:
         """Execute an instruction; return the replies to the client, in their order on the wire."""
-        line, statistics = self._faults.line, self.statistics
+        line, statistics = self.line, self.statistics
         echo = (
             [Reply(BROADCAST, 0.0, encode_item(self.wire, request.item))]
             if line.strikes_echo()
@@ -168,12 +195,12 @@ class Exchange:
         self.statistics.overflow += len(data) - taken
 
     def _pass_on(self, request: ReceivedInstruction) -> list[Packet | Damaged]:
-        if self._faults.silent:
+        if self.line.silent:
             return []
         if all(device.baud != request.baud for device in self._devices.devices):
             self.statistics.wrong_baud += 1
             return []
-        return self._faults.line.disturb_request(request.item)
+        return self.line.disturb_request(request.item)
 
 
 def expects_reply(item: Packet | Damaged) -> bool:

@@ -13,13 +13,10 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-
 from drivers.errors import DriverError
 from drivers.real_time_class import WIRE_PRIORITY, enter_real_time_class
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.serving.exchange import Exchange, WireStatistics
-from drivers.virtual_bus.serving.fault_injector import FaultInjector, Physics
+from drivers.virtual_bus.serving.exchange import Exchange, Line, Physics, WireStatistics
 from drivers.virtual_bus.serving.lock_step import LockStep
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 from drivers.virtual_bus.serving.real_time import RealTime
@@ -47,8 +44,6 @@ class PortOptions:
     adapter_latency: float = 0.0
     """In real time, latency timer of the USB adapter [s] (FTDI: 0.016 as shipped, at best 0.001);
     0 for none."""
-    rng: np.random.Generator | None = None
-    """Random source of faults; None for one of a fixed seed."""
 
 
 class CallQueue:
@@ -155,8 +150,7 @@ class VirtualBus:
         self.devices = devices
         self.physics = physics
         self.time_mode = time_mode
-        self.faults = FaultInjector(self, options.rng or np.random.default_rng(0))
-        self._exchange = Exchange(devices, physics, self.faults, advances_time=advances_time)
+        self._exchange = Exchange(devices, physics, advances_time=advances_time)
         self._options = options
         self._calls = CallQueue()
         if line is not None:
@@ -235,6 +229,15 @@ class VirtualBus:
     def statistics(self) -> WireStatistics:
         """Return a copy of the counters."""
         return self.call(lambda: replace(self._exchange.statistics))
+
+    @property
+    def line(self) -> Line:
+        """Return what is between client and devices."""
+        return self._exchange.line
+
+    @line.setter
+    def line(self, line: Line) -> None:
+        self._exchange.line = line
 
     def call(self, action: Callable[[], T]) -> T:
         """Run an action between two instructions; return its result.

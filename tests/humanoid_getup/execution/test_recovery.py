@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from fault_injector import FaultInjector
 from stored_plans import MOTION, lie_at_start
 
 from drivers import Cycle, SafetyGuard
@@ -12,7 +13,6 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
@@ -44,16 +44,17 @@ def rise_and_break(
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         driver = DynamixelBackend(op3, ports.paths, clock=CycleClock())
         guard = SafetyGuard(driver)
+        faults = FaultInjector(ports.main, np.random.default_rng(0))
         cycles = iter(range(10**6))
 
         def look(_cycle: Cycle) -> None:
             if next(cycles) == STRIKE:
-                strike(ports.main.faults, guard)
+                strike(faults, guard)
 
         def note(change: PhaseChange) -> None:
             phases.append(change)
             if change.phase is Phase.RECOVERING:
-                recover(ports.main.faults)
+                recover(faults)
             if change.phase is Phase.PLAYING and change.attempt == 2:
                 again(guard)
 

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 from fake_devices import FakeDevices
 from fake_wire import FakeWire, exchange_with
+from fault_injector import LineFault
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,7 +18,6 @@ from drivers.virtual_bus.serving.exchange import (
     WireStatistics,
     expects_reply,
 )
-from drivers.virtual_bus.serving.fault_injector import LineFault
 
 IDS = (1, 2, 3)
 BAUD = 1_000_000

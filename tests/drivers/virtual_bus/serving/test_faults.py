@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import serial
 from fake_devices import FakeDevices
+from fault_injector import FaultInjector, LineFault, LineFaults
 from hypothesis import given
 from hypothesis import strategies as st
 from still_physics import StillPhysics
@@ -13,7 +14,6 @@ from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import FrameParser, Packet, Status
 from drivers.errors import DriverError
 from drivers.virtual_bus.devices.chain import Reply
-from drivers.virtual_bus.serving.fault_injector import LineFault, LineFaults
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
 
 IDS = (1, 2, 3)
@@ -44,14 +44,6 @@ class RecordingPhysics(StillPhysics):
 
     def sag(self, voltage: float) -> None:
         self.done.append(("sag", voltage))
-
-
-class PluggedBus(VirtualBus):
-    plugs = 0
-
-    def plug(self) -> None:
-        super().plug()
-        self.plugs += 1
 
 
 @pytest.fixture
@@ -124,13 +116,14 @@ def test_a_wrong_id_is_never_the_right_one_and_its_crc_fits(device: int, data: b
 
 
 def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
+    faults = FaultInjector(bus, np.random.default_rng(0))
     with pytest.raises(
         DriverError, match="'kill' of id 9 cannot be injected: expected one of the ids 1, 2, 3"
     ):
-        bus.faults.kill(9)
+        faults.kill(9)
     with pytest.raises(DriverError, match=r"'heat' of id 3 .* expected a servo"):
-        bus.faults.heat(3, 80.0)
+        faults.heat(3, 80.0)
     with pytest.raises(DriverError, match="expected a bus with an IMU"):
-        bus.faults.freeze_imu()
+        faults.freeze_imu()
     port.write(protocol2.ping(1).encode())
     assert len(port.read(14)) == 14

@@ -6,6 +6,7 @@ import pytest
 from bus_stories import serving
 from fake_devices import FakeDevices
 from fake_wire import FakeWire, exchange_with
+from fault_injector import LineFault
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,7 +14,6 @@ from drivers import Command
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet, Span
 from drivers.virtual_bus.devices.chain import Chain, CycleEnd
-from drivers.virtual_bus.serving.fault_injector import LineFault
 from drivers.virtual_bus.serving.lock_step import QUIET, LockStep
 
 IDS = (1, 2, 3)

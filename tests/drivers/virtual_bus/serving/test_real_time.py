@@ -3,11 +3,11 @@
 import pytest
 from fake_devices import FakeDevices
 from fake_wire import FakeWire, exchange_with
+from fault_injector import LineFault
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Span
 from drivers.virtual_bus.serving import real_time
-from drivers.virtual_bus.serving.fault_injector import LineFault
 from drivers.virtual_bus.serving.lock_step import IDLE
 from drivers.virtual_bus.serving.real_time import MICROFRAME, RealTime
 

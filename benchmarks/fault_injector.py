@@ -1,4 +1,4 @@
-"""Injects faults into a running bus: into the bytes between client and devices, and beyond."""
+"""Injects faults into a virtual bus: into the bytes between client and devices, and beyond."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from operator import methodcaller
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
 from drivers.dynamixel.protocol2 import MAX_ID, Damaged, Packet
 from drivers.dynamixel.wire import PROTOCOL_2, Wire, encode_item
 from drivers.errors import DriverError
-from drivers.virtual_bus.devices.chain import Chain, Reply
+from drivers.virtual_bus.devices.chain import Reply
+from drivers.virtual_bus.serving.exchange import Line
 
-T = TypeVar("T")
 LONGEST_NOISE = 8  # bytes
 
 
@@ -44,7 +44,7 @@ class _Pending:
     left: int
 
 
-class LineFaults:
+class LineFaults(Line):
     """Applies faults to bytes: at rates, or to the next replies or requests.
 
     Without rates no random number is drawn, so the effect of `strike_next` does not depend on
@@ -154,44 +154,6 @@ def _rename(wire: Wire, data: bytes, device: int) -> bytes:
     return data if at < 0 else data[:at] + bytes((other,)) + data[at + 1 :]
 
 
-class Physics(Protocol):
-    """What a bus asks of the physics behind its devices."""
-
-    time: float
-    """Bus time that it has reached [s]."""
-    is_light: bool
-    """Whether it computes next to nothing, so that its thread may go before all others."""
-
-    def advance(self, to: float) -> None:
-        """Advance physics and devices to a bus time [s], or to the last step before it."""
-
-    def pass_period(self) -> None:
-        """Advance by one control period."""
-
-    def heat(self, servo_id: int, temperature: float) -> None:
-        """Set the temperature of a servo [°C]."""
-
-    def sag(self, voltage: float) -> None:
-        """Set the supply voltage [V]."""
-
-
-class Faulty(Protocol):
-    """Target of injected faults: a bus with its devices, its physics and its port."""
-
-    devices: Chain
-    physics: Physics
-
-    def call(self, action: Callable[[], T]) -> T:
-        """Run an action between two instructions; return its result."""
-        ...
-
-    def plug(self) -> None:
-        """Plug in a new port under the same path."""
-
-    def unplug(self) -> None:
-        """Unplug the port while clients may use it."""
-
-
 def _refuse(fault: str, device: int | None, expected: str) -> DriverError:
     where = "" if device is None else f" of id {device}"
     return DriverError(f"fault '{fault}'{where} cannot be injected: expected {expected}")
@@ -200,11 +162,11 @@ def _refuse(fault: str, device: int | None, expected: str) -> DriverError:
 class FaultInjector:
     """Injects faults, between two instructions; thread-safe."""
 
-    def __init__(self, bus: Faulty, rng: np.random.Generator) -> None:
-        """Inject faults into a bus; ``rng`` draws the random ones."""
+    def __init__(self, bus: Any, rng: np.random.Generator) -> None:
+        """Inject faults into a `VirtualBus`; ``rng`` draws the random ones."""
         self.line = LineFaults(rng, bus.devices.wire)
-        self.silent = False
         self._bus = bus
+        bus.line = self.line
 
     # Bytes on the wire ---------------------------------------------------------------------
 
@@ -218,7 +180,7 @@ class FaultInjector:
 
     def silence(self, silent: bool = True) -> None:
         """Disconnect the adapter from all devices: no instruction is executed."""
-        self._bus.call(lambda: setattr(self, "silent", silent))
+        self._bus.call(lambda: setattr(self.line, "silent", silent))
 
     # Devices -------------------------------------------------------------------------------
 

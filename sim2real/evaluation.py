@@ -305,6 +305,8 @@ class EvaluatedPolicy:
             outcome=rollouts.outcome,
             style_error=rollouts.style_error,
             restarts=rollouts.restarts,
+            stood_paper=rollouts.stood_paper,
+            nearest=rollouts.nearest,
             planned=np.array([each is not None for each in planned]) if planned else None,
         )
 

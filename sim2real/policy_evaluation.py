@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +32,10 @@ from humanoid_getup.policy.observation import Sensed, compute_torque_share, obse
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.policy.style_follower import StyleChoice, StyleFollower
 from humanoid_getup.style.features import COUNT
+from humanoid_getup.style.followed_style import MOST_DISTANCE, weigh
 from robots import Robot
 from robots.quaternion import Array
+from sim2real.environment.style_task import STAND_TIME
 from sim2real.environment.training_simulation import TrainingSim
 
 RECENT = 2.0  # s at the end, over which the speed of a stand is measured
@@ -131,6 +135,10 @@ class PolicyFigures:
     (N, 3): neck height as a share of standing, angles in rad; NaN without style."""
     restarts: NDArray[np.int_]
     """How often each robot restarted after it had deviated from its curves, (N,)."""
+    stood_paper: NDArray[np.bool_] | None = None
+    """Whether each stood as [Frezzato22], section 6.3, counts, (N,); ``None`` without style."""
+    nearest: NDArray[np.str_] | None = None
+    """Named style to which each came nearer than to these curves, "" for none, (N,)."""
     planned: NDArray[np.bool_] | None = None
     """Whether these were the curves of a plan, (N,); ``None`` if none was asked for."""
 
@@ -181,13 +189,22 @@ class PolicyRun:
         for record in Experiment(sim.world, sim=sim).play_pieces(scenarios, self._send):
             outcome.add(record)
             qpos.append(record.qpos[:, -1].copy())
+        figures = outcome.conclude()
         return PolicyRollouts(
-            outcome=outcome.conclude(),
+            outcome=figures,
             qpos=np.stack(qpos, axis=1),
             target=np.stack(self.targets, axis=1),
             features=np.stack(self.features, axis=1),
             style_error=follower.mean_error if follower else np.full((sim.n, COUNT), np.nan),
             restarts=follower.restarts if follower else np.zeros(sim.n, dtype=int),
+            stood_paper=follower
+            and judge_given(
+                figures.upright,
+                sim.robot.control_period,
+                follower.duration,
+                follower.followed_for,
+            ),
+            nearest=follower and follower.find_nearest(),
         )
 
     def _send(self) -> Array | None:
@@ -226,12 +243,26 @@ class PolicyRun:
         return next_target(robot, policy.action, target, sensed.joint_pos, sensed.gravity, action)
 
 
+def judge_given(
+    upright: NDArray[np.bool_], period: float, duration: Array, followed_for: Array
+) -> NDArray[np.bool_]:
+    """Judge rises by the curves that they were given, (N,), as [Frezzato22], section 6.3.
+
+    A robot stands all the 3 s after its first curves, and has not restarted. Curves have durations
+    [s] and are followed until a first restart [s], (N,); samples are (N, T).
+    """
+    time, end = period * np.arange(1, upright.shape[1] + 1), (duration + STAND_TIME)[:, np.newaxis]
+    counts = (time > end - STAND_TIME) & (time <= end)
+    is_over = time[-1] >= end[:, 0] - period
+    return is_over & (followed_for > end[:, 0]) & np.all(upright | ~counts, axis=1)
+
+
 def summarize_rollouts(
     starts: Sequence[Fall], rollouts: PolicyFigures, classes: Sequence[str]
 ) -> PolicyClasses:
     """Summarize by class and over all: counts, intervals, times [s], load, impact."""
     kinds = np.array([fall.start_class for fall in starts])
-    outcome, error = rollouts.outcome, rollouts.style_error
+    outcome, error, nearest = rollouts.outcome, rollouts.style_error, rollouts.nearest
     unknown = np.full(len(kinds), np.nan)
     columns = {
         "stand_time_s": outcome.stand_time,
@@ -244,20 +275,25 @@ def summarize_rollouts(
         "restarts": rollouts.restarts.astype(float),
         "standing_joint_speed_rad_s": outcome.standing_speed,
     }
-    everyone = np.ones(len(kinds), dtype=bool)
+    counts: dict[str, NDArray[np.bool_]] = {}
+    if nearest is not None and rollouts.stood_paper is not None:
+        is_near = (weigh(error) <= MOST_DISTANCE) & (nearest == "") & (rollouts.restarts == 0)
+        counts = {"stood_paper": rollouts.stood_paper, "followed": outcome.stood & is_near}
+
+    def summarize_rows(rows: NDArray[np.bool_]) -> PolicySummary:
+        n, stood = int(rows.sum()), int(outcome.stood[rows].sum())
+        names = Counter[str]() if nearest is None else Counter(nearest[rows & outcome.stood])
+        figures: dict[str, Any] = {key: int(each[rows].sum()) for key, each in counts.items()}
+        figures |= {name: summarize(values[rows]) for name, values in columns.items()}
+        return PolicySummary(
+            n=n,
+            stood=stood,
+            stood_interval_95=wilson_interval(stood, n),
+            nearest={str(name) or "given": names[name] for name in sorted(names)},
+            **figures,
+        )
+
     return PolicyClasses(
-        classes={name: _summarize_rows(outcome.stood, columns, kinds == name) for name in classes},
-        all=_summarize_rows(outcome.stood, columns, everyone),
-    )
-
-
-def _summarize_rows(
-    stood: NDArray[np.bool_], columns: dict[str, Array], rows: NDArray[np.bool_]
-) -> PolicySummary:
-    n, successes = int(rows.sum()), int(stood[rows].sum())
-    return PolicySummary(
-        n=n,
-        stood=successes,
-        stood_interval_95=wilson_interval(successes, n),
-        **{name: summarize(values[rows]) for name, values in columns.items()},
+        classes={name: summarize_rows(kinds == name) for name in classes},
+        all=summarize_rows(np.ones(len(kinds), dtype=bool)),
     )

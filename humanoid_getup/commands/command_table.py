@@ -57,7 +57,6 @@ COMMANDS = {
     "style": Entry("List, show, edit or extract styles of rising."),
     "style list": Entry("List the named styles.", "plan.styles"),
     "style show": Entry("Print and draw the curves of styles.", "plan.styles"),
-    "style edit": Entry("Raise sooner or later, slower, faster, hold.", "plan.styles"),
     "style extract": Entry(
         "Extract a style from a motion, a flight log or a clip.", "plan.extract_style"
     ),

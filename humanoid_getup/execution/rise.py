@@ -21,7 +21,7 @@ from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.playback.monitors import Abort
 from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.strategies.plan import KeyFigures, Plan, RiseStatus
-from humanoid_getup.style.curve_tracker import StyleFigures
+from humanoid_getup.style.followed_style import StyleFigures
 from robots import Robot
 
 

@@ -16,8 +16,8 @@ from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
 from humanoid_getup.policy.onnx_file import OnnxNetwork
 from humanoid_getup.policy.style_follower import StyleFollower
-from humanoid_getup.style.curve_tracker import FollowedStyle
 from humanoid_getup.style.features import UNKNOWN
+from humanoid_getup.style.followed_style import FollowedStyle
 from humanoid_getup.style.style import Style, load_any_style
 from robots import Robot
 from robots.arguments import expect

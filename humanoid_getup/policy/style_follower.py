@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.policy.observation import Sensed, observe_style
-from humanoid_getup.style.curve_tracker import CurveTracker, FollowedStyle, StyleErrors
+from humanoid_getup.style.curve_tracker import CurveTracker
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.features import COUNT
+from humanoid_getup.style.followed_style import FollowedStyle, StyleErrors
+from humanoid_getup.style.style import load_named
 from robots import Robot
 from robots.quaternion import Array
 
@@ -25,7 +27,8 @@ class StyleFollower:
     """Follows a style from one policy step to the next."""
 
     def __init__(self, robot: Robot, choose: StyleChoice, n: int = 1) -> None:
-        self._choose, self._tracker, self._n = choose, CurveTracker(robot, n), n
+        self._robot, self._n = robot, n
+        self._choose, self._tracker = choose, CurveTracker(robot, n)
         self.reset()
 
     def reset(self) -> None:
@@ -35,6 +38,8 @@ class StyleFollower:
         self._errors: StyleErrors | None = None  # deviations from the first curves
         self.restarts = np.zeros(self._n, dtype=int)
         """How often each robot restarted after it had deviated from its curves, (N,)."""
+        self.followed_for = np.full(self._n, np.inf)
+        """Time of each robot's first restart since the beginning [s], inf without, (N,)."""
 
     def update(
         self, sensed: Sensed, step_time: float, true_features: Array | None = None
@@ -56,6 +61,7 @@ class StyleFollower:
         tracker.advance(step_time)
         again = tracker.restart_deviating(step_time, self._choose)
         self.restarts[again] += 1
+        self.followed_for[again] = np.minimum(self.followed_for[again], self._errors.passed)
         return again
 
     def observe(self) -> list[Array]:
@@ -84,9 +90,21 @@ class StyleFollower:
         """Return the mean errors from the first curves, (N, 3); NaN before the first step."""
         return self._errors.mean if self._errors else np.full((self._n, COUNT), np.nan)
 
+    @property
+    def duration(self) -> Array:
+        """Return the durations of the first curves [s], (N,)."""
+        return np.array([curves.duration for curves in self._first])
+
+    def find_nearest(self) -> NDArray[np.str_]:
+        """Find the named style to which each robot came nearer than to its first curves, (N,)."""
+        if self._errors is None:
+            return np.full(self._n, "")
+        return self._errors.find_nearest(load_named(self._robot))
+
     def summarize(self) -> FollowedStyle | None:
         """Summarize how the first robot followed its curves; None before the first step."""
         if self._errors is None:
             return None
         restarts = int(self.restarts[0])
-        return FollowedStyle.of(self._errors, self._first[0], self._start[0], restarts)
+        nearest = str(self.find_nearest()[0])
+        return FollowedStyle.of(self._errors, self._first[0], self._start[0], restarts, nearest)

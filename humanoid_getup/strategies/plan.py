@@ -21,7 +21,7 @@ from humanoid_getup.playback.preflight import Verdict, preflight, preflight_robo
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
-from humanoid_getup.style.curve_tracker import FollowedStyle
+from humanoid_getup.style.followed_style import FollowedStyle
 from humanoid_getup.style.style import Style
 from robots import Posture, TorqueLimit
 

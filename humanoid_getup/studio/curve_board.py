@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from humanoid_getup.studio.takes import TITLES
-from humanoid_getup.style.curves import PLACES, POINTS, UPRIGHT_STAND, StyleCurves
-from humanoid_getup.style.style_editor import HIGHEST_VALUES, clip_value
+from humanoid_getup.style.curves import HIGHEST_VALUES, PLACES, POINTS, UPRIGHT_STAND, StyleCurves
+from humanoid_getup.style.style_editor import clip_value
 from robots import quaternion
 from robots.quaternion import Array
 

@@ -17,8 +17,8 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor
 from humanoid_getup.simulation.placement import check_standing_place
 from humanoid_getup.simulation.world import World
-from humanoid_getup.style.curve_tracker import FollowedStyle
 from humanoid_getup.style.curves import StyleCurves, is_stand, measure_features
+from humanoid_getup.style.followed_style import FollowedStyle
 from humanoid_getup.style.style import Style
 from robots import Posture
 from robots.kinematics import place

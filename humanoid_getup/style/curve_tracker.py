@@ -1,16 +1,13 @@
-"""Tracks robots along style curves: measured features, targets ahead, and mean errors.
+"""Tracks robots along style curves: measured features, targets ahead, and restarts.
 
 Training, evaluation and robot call the same code, on a thousand robots or on one.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from humanoid_getup.style.curves import (
@@ -104,7 +101,7 @@ class CurveTracker(SavedArrays):
         near = {
             row: curves
             for row, curves in chosen.items()
-            if angle_distance(curves.points[0], self.features[row]) <= MOST_ANGLE_ERROR
+            if angle_distance(curves.values[0], self.features[row]) <= MOST_ANGLE_ERROR
         }
         ids = np.array(list(near), dtype=int)
         if near:
@@ -127,139 +124,3 @@ class CurveTracker(SavedArrays):
         """Restore a state of :meth:`save_state`."""
         self._curves.restore_state(state["curves"])
         super().restore_state(state)
-
-
-# Mean errors up to which curves count as followed: planned rises are followed within half of them.
-FOLLOWED_HEIGHT = 0.1  # share of the standing neck height
-FOLLOWED_ANGLE = math.radians(20.0)
-FAR = math.radians(45.0)  # between how a robot lies and how its curves begin
-
-
-class StyleErrors:
-    """Deviations of N robots from their first curves, while these last.
-
-    A robot that deviates restarts on other curves: the errors are still those from the first. One
-    that stands from the first is at the end of its curves; its errors are those from a stand.
-    """
-
-    def __init__(self, curves: Sequence[StyleCurves], features: Array, time: Array) -> None:
-        """Begin with features (N, 3) of robots at times on their curves [s], (N,)."""
-        n = len(curves)
-        self._asked = CurveTargets(n)
-        pieces = np.array([curve.pieces for curve in curves])
-        self.duration = np.array([curve.duration for curve in curves])
-        """Of the curves [s], (N,)."""
-        self._asked.enter(np.arange(n), pieces, self.duration, features, time)
-        self._begin = time.copy()
-        self._passed: list[float] = []  # since the beginning [s]
-        self._seen: list[Array] = []
-
-    def note(self, features: Array, step_time: float) -> None:
-        """Record the measured features, (N, 3), at the end of a policy step [s].
-
-        Errors are computed afterwards, because a robot records within a control cycle.
-        """
-        self._passed.append(step_time + (self._passed[-1] if self._passed else 0.0))
-        self._seen.append(features)
-
-    @property
-    def stood_already(self) -> NDArray[np.bool_]:
-        """Return whether each robot was at the end of its curves at the start, (N,)."""
-        return self._begin >= self.duration
-
-    @property
-    def share(self) -> Array:
-        """Return the share of the curves' durations that has passed, up to 1, (N,)."""
-        passed = self._passed[-1] if self._passed else 0.0
-        return np.clip((passed + 1e-9) / self.duration, 0.0, 1.0)
-
-    @property
-    def mean(self) -> Array:
-        """Return the mean errors, (N, 3); NaN where nothing was recorded."""
-        if not self._seen:
-            return np.full((len(self.duration), COUNT), np.nan)
-        passed = np.array(self._passed)  # (T,)
-        wanted = self._asked.at(self._begin[:, np.newaxis] + passed)  # (N, T, 3)
-        off = np.abs(np.stack(self._seen, axis=1) - wanted)
-        lasts = (passed <= self.duration[:, np.newaxis] + 1e-9)[..., np.newaxis]
-        steps = lasts.sum(axis=1)
-        return np.sum(off * lasts, axis=1) / np.where(steps > 0, steps, np.nan)
-
-
-@dataclass(frozen=True, kw_only=True)
-class StyleFigures:
-    """Figures of a followed style, under report.json's keys; unset without a style."""
-
-    style_followed: bool | UnsetType = UNSET
-    style_height_error: float | UnsetType = UNSET
-    style_angle_error_deg: float | UnsetType = UNSET
-    style_restarts: int | UnsetType = UNSET
-    style_start_error_deg: float | UnsetType = UNSET
-    style_summary: str | UnsetType = UNSET
-
-
-@dataclass(frozen=True, kw_only=True)
-class FollowedStyle:
-    """Figures of one robot on its first curves."""
-
-    height_error: float
-    """Mean error of the neck height while they lasted, as a share of standing; NaN for none."""
-    angle_error: float
-    """Mean error of both torso angles while they lasted [rad]; NaN for none."""
-    share: float
-    """Share of the duration that had passed when the rise ended."""
-    restarts: int
-    """How often the robot deviated, and restarted on other curves."""
-    start_error: float
-    """Angle between the robot's start and the beginning of the curves [rad]."""
-    stood_already: bool = False
-    """Whether the robot stood at the start, so that there was nothing to follow."""
-
-    @staticmethod
-    def of(
-        errors: StyleErrors, curves: StyleCurves, features: Array, restarts: int
-    ) -> FollowedStyle:
-        """Collect the figures of one robot, which began with features (3,)."""
-        mean = errors.mean[0]
-        return FollowedStyle(
-            height_error=float(mean[0]),
-            angle_error=float(mean[1:].mean()),
-            share=float(errors.share[0]),
-            restarts=restarts,
-            start_error=float(angle_distance(curves.points[0], features)),
-            stood_already=bool(errors.stood_already[0]),
-        )
-
-    @property
-    def was_followed(self) -> bool:
-        """Return whether the curves were followed to their end, without a restart."""
-        is_near = self.height_error <= FOLLOWED_HEIGHT and self.angle_error <= FOLLOWED_ANGLE
-        return is_near and self.restarts == 0 and self.share == 1.0
-
-    def __str__(self) -> str:
-        """Summarize the figures in one line."""
-        if self.stood_already:
-            return "the robot stood already"
-        text = "followed" if self.was_followed else "not followed"
-        if self.share < 1.0:
-            text += f", ended after {self.share:.0%} of its curves"
-        if not math.isnan(self.height_error):
-            text += f", mean errors {self.height_error:.2f} of the height and "
-            text += f"{math.degrees(self.angle_error):.0f}°"
-        if self.restarts:
-            times = "once" if self.restarts == 1 else f"{self.restarts} times"
-            text += f"; restarted {times} on curves nearer to how it lay then"
-        if self.start_error > FAR:
-            text += f"; the curves begin {math.degrees(self.start_error):.0f}° from how it lay"
-        return text
-
-    def figures(self) -> StyleFigures:
-        """Return the figures under report.json's keys."""
-        return StyleFigures(
-            style_followed=self.was_followed,
-            style_height_error=self.height_error,
-            style_angle_error_deg=math.degrees(self.angle_error),
-            style_restarts=self.restarts,
-            style_start_error_deg=math.degrees(self.start_error),
-            style_summary=str(self),
-        )

@@ -1,8 +1,8 @@
 """Style curves: neck height and torso angles that a rise should have over time.
 
-A feature curve is an interpolating cubic spline: it passes through nine control points, equally
-apart in time, with continuous second derivatives, and is at rest at both ends. [Frezzato22],
-section 4.1, has a cardinal cubic B-spline instead. A rise is held at its end (equation 1).
+A feature curve is a cardinal cubic B-spline with nine control points ([Frezzato22], section 4.1),
+equally apart in time and mirrored at both ends, where the curve is at rest. It stays within the
+hull of its control points. A rise is held at its end (equation 1).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
-import scipy  # which imports its parts when they are used
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from humanoid_getup.clips.clip import Clip
@@ -55,6 +55,8 @@ POINTS = 9
 PIECES = POINTS - 1
 LOOKAHEAD = np.array([0.0, 0.1, 0.2, 0.3])  # s, of the targets that a policy observes
 HIGHEST = 1.2  # share of the standing neck height; a robot on its toes stands higher than 1
+HIGHEST_VALUES = np.array([HIGHEST, np.pi, np.pi])
+"""Upper limits of the features; the lower ones are 0."""
 # The neck height and the tilt [rad] of a stand, by which rises are judged.
 LEAST_END, MOST_LEAN = 0.9, math.radians(15.0)
 SHORTEST, LONGEST = 0.1, 60.0  # s
@@ -63,6 +65,11 @@ PLACES = np.linspace(0.0, 1.0, POINTS)
 """Share of the duration at each control point."""
 UPRIGHT_STAND = np.array([1.0, math.pi / 2, math.pi / 2])
 """Features of a stand."""
+EXTENDED = np.pad(np.eye(POINTS), ((1, 1), (0, 0)), mode="reflect")
+VALUES = (EXTENDED[:-2] + 4.0 * EXTENDED[1:-1] + EXTENDED[2:]) / 6.0
+"""From control points to the values at their times, (9, 9)."""
+BASIS = np.array([[-1, 3, -3, 1], [3, -6, 3, 0], [-3, 0, 3, 0], [1, 4, 1, 0]]) / 6.0
+"""Cubic B-spline: from four control points to the polynomial between the middle two."""
 BLEND_SHARE = 0.25  # of the duration, over which a curve is entered from where a robot lies
 
 
@@ -102,19 +109,33 @@ class StyleCurves:
         """Return the control points, (9, 3), in the order of the features."""
         return np.stack([self.neck_height, self.side, self.front], axis=-1)
 
+    @staticmethod
+    def through(values: Array, duration: float, start: str = "") -> StyleCurves:
+        """Make curves that have values (9, 3) at the times of their control points.
+
+        A control point beyond what the features can have is clipped, and its curve misses there.
+        """
+        solved: Array = np.linalg.solve(VALUES, values).astype(float)
+        points = np.clip(solved, 0.0, HIGHEST_VALUES)
+        for end, inner in ((0, 1), (-1, -2)):  # both ends stay exact
+            outer = 1.5 * values[end] - 0.5 * points[inner]
+            points[end] = np.clip(outer, 0.0, HIGHEST_VALUES)
+            points[inner] = 3.0 * values[end] - 2.0 * points[end]
+        return StyleCurves.of(points, duration, start)
+
+    @property
+    def values(self) -> Array:
+        """Return the features at the times of the control points, (9, 3)."""
+        return VALUES @ self.points
+
     @property
     def turn(self) -> float:
-        """Return the sum of the changes of both angles from point to point [rad]."""
-        return float(np.abs(np.diff(self.points[:, 1:], axis=0)).sum())
+        """Return the sum of the changes of both angles between the points' times [rad]."""
+        return float(np.abs(np.diff(self.values[:, 1:], axis=0)).sum())
 
     def retimed(self, time: Array, duration: float) -> StyleCurves:
-        """Return curves of a duration [s] through the points of these at nine times [s], (9,).
-
-        Between control points a spline may overshoot: no control point is beyond these curves'
-        own.
-        """
-        points = np.clip(self.sample(time), self.points.min(axis=0), self.points.max(axis=0))
-        return StyleCurves.of(points, duration, self.start)
+        """Return curves of a duration [s] through the values of these at nine times [s], (9,)."""
+        return StyleCurves.through(self.sample(time), duration, self.start)
 
     def sample(self, time: Array) -> Array:
         """Compute the features (..., 3) at times [s], (...); a stand is held at the end."""
@@ -154,13 +175,13 @@ class StyleCurves:
         return problems or self._find_problems_of_end()
 
     def _find_problems_of_end(self) -> list[str]:
-        problems = []
-        if self.neck_height[-1] < LEAST_END - ROUNDING:
+        problems, (height, side, front) = [], self.values[-1]
+        if height < LEAST_END - ROUNDING:
             problems.append(
-                f"neck_height ends at {self.neck_height[-1]:.4g} of standing, expected "
-                f"{LEAST_END:g} or more: a rise ends in a stand"
+                f"neck_height ends at {height:.4g} of standing, expected {LEAST_END:g} or more: a "
+                "rise ends in a stand"
             )
-        for name, value in (("side", self.side[-1]), ("front", self.front[-1])):
+        for name, value in (("side", side), ("front", front)):
             if abs(value - math.pi / 2) > MOST_LEAN + ROUNDING:
                 problems.append(
                     f"{name} ends at {math.degrees(value):.4g}°, expected 75 to 105°: a rise ends "
@@ -176,8 +197,10 @@ def is_stand(features: Array) -> NDArray[np.bool_]:
 
 
 def _fit(points: Array) -> Array:
-    """Interpolate control points (9, 3), at rest at both ends, by polynomials (8, 4, 3)."""
-    return np.moveaxis(scipy.interpolate.CubicSpline(PLACES, points, bc_type="clamped").c, 0, 1)
+    """Convert control points (9, 3) to polynomials (8, 4, 3)."""
+    around = sliding_window_view(EXTENDED @ points, 4, axis=0)  # (8, 3, 4)
+    scale = float(PIECES) ** np.arange(3, -1, -1)
+    return scale[:, np.newaxis] * (BASIS @ around.swapaxes(1, 2))
 
 
 def evaluate(pieces: Array, share: Array) -> Array:
@@ -302,7 +325,7 @@ def extract_curves(time: Array, features: Array) -> StyleCurves:
     share = (time - time[0]) / (time[-1] - time[0])
     points = [np.interp(PLACES, share, column) for column in features.T]
     try:
-        return StyleCurves.of(np.stack(points, axis=-1), float(time[-1] - time[0]))
+        return StyleCurves.through(np.stack(points, axis=-1), float(time[-1] - time[0]))
     except ValueError as error:
         raise ExtractionError(str(error)) from error
 

@@ -6,10 +6,11 @@ A style file is TOML, with angles in degrees and durations for a length of legs.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import tomlkit
@@ -25,6 +26,7 @@ from robots.storage.files import readable, write_atomically
 from robots.storage.toml_document import Value, commented, plain, rounded, tables_of
 from robots.storage.validation import on_axes, positive, read_toml, reading
 
+Lying = Literal["supine", "prone", "left", "right"]
 ALIKE = np.radians(5.0)  # by which the beginnings of curves may differ that are nearly alike
 
 
@@ -37,6 +39,8 @@ class Style:
     """What it is, in one line."""
     curves: tuple[StyleCurves, ...]
     """One for each way of lying; their mirror images belong to them."""
+    followed_from: tuple[Lying, ...] | None = None
+    """Ways of lying from which a policy follows it; None if that was not measured."""
 
     def __post_init__(self) -> None:
         if not self.curves:
@@ -66,7 +70,7 @@ class Style:
         They are kept, because a robot chooses within a control cycle.
         """
         every = [*self.curves, *(curve.mirrored() for curve in self.curves)]
-        begins = np.array([curve.points[0] for curve in every])
+        begins = np.array([curve.values[0] for curve in every])
         return every, begins, np.array([round(curve.turn, 6) for curve in every])
 
 
@@ -103,6 +107,8 @@ class StyleTable:
     """Leg length of the body to which the durations belong [m]."""
     duration: Seconds | None = None
     """Duration of the curves that have none of their own [s]."""
+    followed_from: tuple[Lying, ...] | None = None
+    """Ways of lying from which a policy follows it, as measured."""
     curves: Annotated[
         tuple[CurvesTable, ...], Meta(min_length=1, description="one or more tables [[curves]]")
     ]
@@ -133,10 +139,29 @@ def load_style(name: str | Path, robot: Robot) -> Style:
     return read_style(FOLDER / f"{name}{SUFFIX}", robot)
 
 
+def load_named(robot: Robot) -> list[Style]:
+    """Load all named styles."""
+    return [load_style(name, robot) for name in list_styles()]
+
+
+def rank_styles(styles: Sequence[Style], features: Array) -> list[Style]:
+    """Order styles by how they suit a robot that measures features (3,).
+
+    First are those that any policy follows; among them the ones that begin nearest to how the
+    robot lies, and then those that turn it least.
+    """
+    chosen = [style.choose(features) for style in styles]
+    distance = np.array([angle_distance(curves.values[0], features) for curves in chosen])
+    is_far = distance > distance.min() + ALIKE
+    unknown = [style.followed_from == () for style in styles]
+    rank = np.lexsort(([curves.turn for curves in chosen], is_far, unknown))
+    return [styles[number] for number in rank]
+
+
 def load_any_style(robot: Robot) -> Style:
-    """Load all named styles as one; `Style.choose` chooses among its curves."""
-    styles = [load_style(name, robot) for name in list_styles()]
-    curves = tuple(curve for style in styles for curve in style.curves)
+    """Load the named styles that a policy follows as one; `Style.choose` chooses its curves."""
+    styles = load_named(robot)
+    curves = tuple(curve for style in styles if style.followed_from for curve in style.curves)
     return Style(name="any", about="the nearest of all named styles", curves=curves)
 
 
@@ -151,7 +176,12 @@ def read_style(file: Path, robot: Robot) -> Style:
                 curves.append(_build(row, table.duration, factor))
             except ValueError as error:
                 problems.append(f"curves {number}: {error}")
-    return Style(name=readable(file.stem), about=table.about, curves=tuple(curves))
+    return Style(
+        name=readable(file.stem),
+        about=table.about,
+        curves=tuple(curves),
+        followed_from=table.followed_from,
+    )
 
 
 def write_style(style: Style, robot: Robot, file: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy  # which imports its parts when they are used
 
-from humanoid_getup.style.curves import HIGHEST, PLACES, POINTS, StyleCurves
+from humanoid_getup.style.curves import HIGHEST_VALUES, PLACES, POINTS, StyleCurves
 from humanoid_getup.style.features import COUNT
 from humanoid_getup.style.style import Style, round_curves, write_style
 from robots import Robot
@@ -73,8 +73,6 @@ def hold(curves: StyleCurves, at: float, time: float) -> StyleCurves:
     return curves.retimed(before, duration)
 
 
-HIGHEST_VALUES = np.array([HIGHEST, np.pi, np.pi])
-"""Upper limits of the features; the lower ones are 0."""
 MOST_STEPS = 200
 
 
@@ -117,7 +115,7 @@ class StyleEditor:
         """Return the style with other curves in place of the chosen ones; nothing is changed."""
         every = list(self._style.curves)
         every[self.chosen] = round_curves(curves)
-        return replace(self._style, curves=tuple(every))
+        return replace(self._style, curves=tuple(every), followed_from=None)
 
     def change(self, curves: StyleCurves) -> None:
         """Replace the chosen curves."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from humanoid_getup.experiments.disturbances import MOST_DELAY
 from humanoid_getup.policy.observation import ROTATION, SAME, VECTOR, Mirror
 from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.style.followed_style import ANGLE_WEIGHT, HEIGHT_WEIGHT
 from robots import Robot
 from robots.quaternion import Array
 
@@ -84,8 +85,6 @@ def list_critic_terms(robot: Robot) -> tuple[CriticTerm, ...]:
     )
 
 
-HEIGHT_WEIGHT = 2.5  # 1.7 per meter in the paper, whose human's neck is at 1.46 m
-ANGLE_WEIGHT = 1.5  # 1/rad
 SPEED_WEIGHT = 0.05  # s/rad
 POSTURE_WEIGHT = 0.1  # 1/rad
 PHASE_WEIGHT = 20.0

@@ -28,6 +28,7 @@ from sim2real.policy_evaluation import (
     PolicyRollouts,
     PolicyRun,
     RunningOutcome,
+    judge_given,
     summarize_rollouts,
 )
 
@@ -129,6 +130,15 @@ def test_a_robot_that_restarts_on_other_curves_has_no_memory(op3, world, falls):
     assert rollouts.restarts.sum() >= 2
     blank = np.array(memory[1:]) == 0.0  # (steps, 4)
     assert blank.sum(axis=0).tolist() == rollouts.restarts.tolist()
+
+
+def test_only_a_stand_from_the_end_of_the_given_curves_on_counts_for_the_paper():
+    """Curves of 1 s, samples of 6 s at 2 Hz; falling after 4 s does not count."""
+    stands = np.array([0, 0] + [1] * 6 + [0] * 4, dtype=bool)
+    late = np.array([0, 0, 0] + [1] * 9, dtype=bool)
+    upright, duration = np.array([stands, late, stands, stands]), np.array([1.0, 1.0, 1.0, 4.0])
+    followed_for = np.array([np.inf, np.inf, 0.5, np.inf])
+    assert judge_given(upright, 0.5, duration, followed_for).tolist() == [True, False, False, False]
 
 
 SHORT = 3.5  # s: a held stand and a little

@@ -119,6 +119,16 @@ def test_a_curve_that_ends_below_a_stand_springs_back(browser: "Browser", tmp_pa
         assert desk.tab.editor.style is before
 
 
+def test_the_first_run_takes_a_fall_that_suits_the_preset_and_stands(
+    browser: "Browser", tmp_path: Path
+):
+    with open_studio(browser, folder=(tmp_path,)) as (studio, window):
+        window.open_tab("Style")
+        window.click("Run")
+        window.see("Stands at")
+        assert studio.page.tabs["Style"].editor.style.name == "long-sit"
+
+
 def test_a_saved_style_is_the_same_when_it_is_loaded_again(browser: "Browser", tmp_path: Path):
     with open_desk(browser, tmp_path) as desk:
         with desk.rolling():

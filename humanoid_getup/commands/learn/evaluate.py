@@ -54,7 +54,8 @@ COLUMNS = {
 FOLLOWED = ("height_error", "angle_error_deg", "restarts")
 """Keys of the figures of a followed style."""
 LEGEND = (
-    "median (95th percentile); times and torques are those of rises that stood, all else of all"
+    "median (95th percentile); times and torques are those of rises that stood, all else of all; "
+    "stood (paper): for 3 s from the end of the given curves on, without a restart"
 )
 
 
@@ -185,12 +186,14 @@ def _tabulate(case: EvaluatedCase) -> str:
     columns = {
         heading: key for heading, key in COLUMNS.items() if case.style or key not in FOLLOWED
     }
-    rows = [["", "stood", "95 %", *columns]]
+    counts = ("stood_paper", "followed") if case.style else ()
+    rows = [["", "stood", "95 %", *("stood (paper)", "followed")[: len(counts)], *columns]]
     for name, row in (*case.classes.items(), ("all", case.all)):
         low, high = row.stood_interval_95
         interval = f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
         cells = [_format_spread(getattr(row, key)) for key in columns.values()]
-        rows.append([name, f"{row.stood} of {row.n}", interval, *cells])
+        more = [str(getattr(row, key)) for key in counts]
+        rows.append([name, f"{row.stood} of {row.n}", interval, *more, *cells])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     rule = ["-" * width for width in widths]
     lines = [rows[0], rule, *rows[1:]]

@@ -46,7 +46,7 @@ class ExtractRequest(ClipOptions, StyleOutput):
     end: Annotated[float | None, arg(metavar="S")] = None
     """Time at which it ends [s]; default: when everything has come to rest."""
     finish: bool = False
-    """Let the last control point be a stand, however the source ends."""
+    """Let the curves end in a stand, however the source ends."""
 
     def _find_problems(self) -> Iterator[str]:
         yield from super()._find_problems()

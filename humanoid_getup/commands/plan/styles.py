@@ -1,10 +1,9 @@
-"""`getup style list`, `show` and `edit`: the curves of styles of rising."""
+"""`getup style list` and `show`: the curves of styles of rising."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,19 +20,17 @@ from humanoid_getup.commands.options import BodyOption, RobotOption
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.plots import save_styles
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.style import SUFFIX, Style, load_style, write_style
-from humanoid_getup.style.style import list_styles as list_names
-from humanoid_getup.style.style_editor import hold, rise_time, shift_rise
+from humanoid_getup.style.style import SUFFIX, Lying, Style, load_named, load_style, rank_styles
+from humanoid_getup.style.style_editor import rise_time
 from robots import Robot
-from robots.storage.validation import between
-
-Factor = Annotated[float | None, between(1e-4, 1e4), arg(metavar="FACTOR")]
-Shift = Annotated[float | None, between(0.001, 1000.0, "s"), arg(metavar="S")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ListStylesRequest(BodyOption, RobotOption):
     """List the named styles."""
+
+    start: Annotated[Lying | None, arg(name="from")] = None
+    """How the robot lies: what suits it comes first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,54 +61,18 @@ class StyleOutput(BodyOption, RobotOption):
             yield f"--out is {self.out}, expected a name that ends with {SUFFIX}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class EditStyleRequest(StyleOutput):
-    """Edit a style: its duration first, then the time of the rise, then a hold."""
-
-    style: Annotated[
-        Positional[str],
-        READ,
-        arg(metavar="STYLE", help="Name of a style, see `getup style list`, or a style file."),
-    ]
-    slower: Factor = None
-    """Factor on the duration."""
-    faster: Factor = None
-    """Divisor of the duration."""
-    sooner: Shift = None
-    """Time by which the neck rises sooner [s]; the duration stays."""
-    later: Shift = None
-    """Time by which the neck rises later [s]; the duration stays."""
-    hold: Annotated[tuple[float, float] | None, arg(metavar="AT,S")] = None
-    """Time whose targets are held [s], and duration of the hold [s]."""
-
-    def _find_problems(self) -> Iterator[str]:
-        yield from super()._find_problems()
-        for one, other in (("slower", "faster"), ("sooner", "later")):
-            if getattr(self, one) is not None and getattr(self, other) is not None:
-                yield f"--{one} and --{other} are given, expected one of them"
-        at, lasting = self.hold or (0.0, 1.0)
-        if not (0.0 <= at < math.inf and 0.0 < lasting < math.inf):
-            yield (
-                f"--hold is {at:g},{lasting:g}, expected a time from 0 s and a duration above 0 s"
-            )
-        edits = (self.slower, self.faster, self.sooner, self.later, self.hold)
-        if all(edit is None for edit in edits):
-            yield ("no edit is given, expected --slower, --faster, --sooner, --later, --hold")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EditedStyle:
-    """A style before and after its edits."""
-
-    before: Style
-    after: Style
-
-
 @command("style list", json=True)
 def list_styles(request: ListStylesRequest, monitor: ProgressMonitor) -> dict[str, Any]:
-    """Describe the named styles."""
+    """Describe the named styles, those first that suit how a robot lies."""
     robot = load_robot(request)
-    return _describe(robot, _load(list_names(), robot, monitor))
+    monitor.begin("loading")
+    styles = load_named(robot)
+    if request.start is not None:
+        every = [curve for style in styles for curve in style.curves]
+        every += [curve.mirrored() for curve in every]
+        begin = next(curve.values[0] for curve in every if curve.start == request.start)
+        styles = rank_styles(styles, begin)
+    return _describe(robot, styles)
 
 
 @command("style show", json=True)
@@ -125,17 +86,6 @@ def show_styles(request: ShowStylesRequest, monitor: ProgressMonitor) -> dict[st
     return _describe(robot, styles)
 
 
-@command("style edit")
-def edit_style(request: EditStyleRequest, monitor: ProgressMonitor) -> EditedStyle:
-    """Edit all curves of a style, and write it."""
-    robot = load_robot(request)
-    (style,) = _load([request.style], robot, monitor)
-    edited = replace(style, curves=tuple(_edit(curve, request) for curve in style.curves))
-    monitor.check()
-    write_style(edited, robot, request.out)
-    return EditedStyle(before=style, after=edited)
-
-
 def _load(names: Sequence[str], robot: Robot, monitor: ProgressMonitor) -> list[Style]:
     monitor.begin("loading")
     return [load_style(name, robot) for name in names]
@@ -143,7 +93,12 @@ def _load(names: Sequence[str], robot: Robot, monitor: ProgressMonitor) -> list[
 
 def _describe(robot: Robot, styles: Sequence[Style]) -> dict[str, Any]:
     described = [
-        {"name": style.name, "about": style.about, "curves": list(map(_list_points, style.curves))}
+        {
+            "name": style.name,
+            "about": style.about,
+            "followed_from": style.followed_from,
+            "curves": list(map(_list_points, style.curves)),
+        }
         for style in styles
     ]
     return {"robot": robot.name, "styles": described}
@@ -160,27 +115,17 @@ def _list_points(curve: StyleCurves) -> dict[str, Any]:
     }
 
 
-def _edit(curve: StyleCurves, request: EditStyleRequest) -> StyleCurves:
-    if request.slower is not None or request.faster is not None:
-        factor = request.slower or 1.0 / (request.faster or 1.0)
-        curve = curve.lasting(curve.duration * factor)
-    if request.sooner is not None or request.later is not None:
-        curve = shift_rise(curve, request.later or -(request.sooner or 0.0))
-    if request.hold is not None:
-        curve = hold(curve, *request.hold)
-    return curve
-
-
 @list_styles.show
 def _print_list(found: dict[str, Any], request: ListStylesRequest, console: Console) -> None:
     if find_json_target(request) is not None:
         return
-    texts = ("style", "about")
-    table = make_table((*texts, "curves", "duration [s]", "rises at [s]"), left=texts)
+    texts = ("style", "about", "followed from")
+    table = make_table((*texts, "duration [s]", "rises at [s]"), left=texts)
     for row in found["styles"]:
         curves = row["curves"]
         spans = (_span([curve[key] for curve in curves]) for key in ("duration_s", "rise_s"))
-        table.add_row(row["name"], row["about"], str(len(curves)), *spans)
+        starts = ", ".join(row["followed_from"] or ("-",))
+        table.add_row(row["name"], row["about"], starts, *spans)
     console.print(table)
 
 
@@ -202,17 +147,9 @@ def _print_points(found: dict[str, Any], request: ShowStylesRequest, console: Co
             console.print(table)
 
 
-@edit_style.show
-def _print_edited(found: EditedStyle, request: EditStyleRequest, console: Console) -> None:
-    print_times(request.out, found.after, console, before=found.before)
-
-
-def print_times(file: Path, style: Style, console: Console, before: Style | None = None) -> None:
-    """Print duration and time of the rise of each curve of a style, now and before."""
-    for number, curve in enumerate(style.curves):
+def print_times(file: Path, style: Style, console: Console) -> None:
+    """Print duration and time of the rise of each curve of a style."""
+    for curve in style.curves:
         name = f"{file}, {curve.start}" if curve.start else str(file)
         text = f"{name}: {curve.duration:.2f} s, rises at {rise_time(curve):.2f} s"
-        if before is not None:
-            old = before.curves[number]
-            text += f"; before: {old.duration:.2f} s, {rise_time(old):.2f} s"
         console.print(escape(text), soft_wrap=True)

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 Z95 = 1.959964  # quantile of the normal distribution
 
@@ -56,6 +57,13 @@ class PolicySummary(msgspec.Struct, frozen=True, kw_only=True):
     n: int
     stood: int
     stood_interval_95: tuple[float, float]
+    stood_paper: int | UnsetType = UNSET
+    """Those that stand as [Frezzato22] counts: 3 s from the end of the given curves on, without a
+    restart."""
+    followed: int | UnsetType = UNSET
+    """Those that stood and followed the given curves, which are the nearest, to their end."""
+    nearest: dict[str, int] = {}
+    """Of those that stood, how many came nearest to the given curves and to each named style."""
     stand_time_s: Quantiles
     rms_torque_nm: Quantiles
     peak_torque_nm: Quantiles

@@ -14,6 +14,7 @@ from humanoid_getup.commands.get_up.run import RunRequest
 from humanoid_getup.commands.options import write_command
 from humanoid_getup.commands.plan.extract_style import ExtractRequest, extract_style
 from humanoid_getup.commands.policies import list_styled_policies
+from humanoid_getup.experiments.falls import sample_fall
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.studio.curve_board import CurveBoard, PointDrag
 from humanoid_getup.studio.folders import containing
@@ -30,7 +31,7 @@ from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.takes import IN_DEGREES, make_rollout_take
 from humanoid_getup.style.curves import LONGEST, POINTS, SHORTEST, is_stand
 from humanoid_getup.style.features import mirror_features
-from humanoid_getup.style.style import SUFFIX, Style, list_styles, load_style
+from humanoid_getup.style.style import SUFFIX, Style, load_named, load_style, rank_styles
 from humanoid_getup.style.style_editor import StyleEditor, rise_time
 from robots import Posture
 from robots.description.posture_file import format_posture
@@ -43,6 +44,7 @@ SOURCES = (".npz", ".mcap", ".bvh", ".amc")
 STEP, FACTOR = 0.2, 1.25  # s; of one press of a button
 OFTEN = 0.5  # s between two rollouts while a point is dragged
 START = "-start.json"
+FIRST = ("supine",)  # ways of lying from which a style is tried that was not measured
 STYLES = "A named style, or a style file below --folder."
 CURVES = "Those of one way of lying, which are edited."
 BY_STEP = "Time by which Sooner and Later move the rise, and for which Hold holds."
@@ -72,9 +74,11 @@ class StyleTab:
             apart=False,
         )
         self._asked_at = -math.inf
-        self.editor = StyleEditor(page.world.robot, self._load(list_styles()[0]))
-        """The style that is edited."""
         self._features = measure_start(page.world, page.start)
+        self._named = load_named(page.world.robot)
+        self._is_offered = True  # whether no one has chosen or changed the style
+        self.editor = StyleEditor(page.world.robot, self._rank()[0])
+        """The style that is edited."""
         self._add_elements(policies)
         page.when_posed.append(self._note_start)
         self._show()
@@ -159,7 +163,12 @@ class StyleTab:
     # Styles ------------------------------------------------------------------------------------
 
     def _list_styles(self) -> list[str]:
-        return [*list_styles(), *self._page.folders.list_files(SUFFIX, containing(STYLE_KEY))]
+        named = [style.name for style in self._rank()]
+        return [*named, *self._page.folders.list_files(SUFFIX, containing(STYLE_KEY))]
+
+    def _rank(self) -> list[Style]:
+        """Order the named styles, those first that suit the start."""
+        return rank_styles(self._named, self._features)
 
     def _list_sources(self) -> list[str]:
         files = [name for kind in SOURCES for name in self._page.folders.list_files(kind)]
@@ -171,6 +180,7 @@ class StyleTab:
 
     def _begin(self, style: Style) -> None:
         """Edit another style, from the curves that the start follows."""
+        self._is_offered = False
         self.editor = StyleEditor(self._page.world.robot, style)
         self.editor.chosen = style.find(self._features)[0]
         self._refresh()
@@ -232,6 +242,7 @@ class StyleTab:
 
     def _edit(self, change: Callable[[], None]) -> None:
         """Change the style; one that is refused is shown as it was."""
+        self._is_offered = False
         try:
             change()
         except ValueError:
@@ -277,8 +288,14 @@ class StyleTab:
     # Rollouts ----------------------------------------------------------------------------------
 
     def _note_start(self, posture: Posture) -> None:
-        """Choose the curves that a new start follows."""
+        """Offer the style that suits a new start, and choose the curves that it follows."""
         self._features = measure_start(self._page.world, posture)
+        styles, chosen = self._list_styles(), self._style.value
+        if self._is_offered:
+            self.editor, chosen = StyleEditor(self._page.world.robot, self._rank()[0]), styles[0]
+        self._style.options = styles
+        if chosen in styles:
+            self._style.value = chosen
         self.editor.chosen = self.editor.style.find(self._features)[0]
         self.board.place(posture.position)
         self.board.hide_followed()
@@ -289,6 +306,11 @@ class StyleTab:
         return bool(is_stand(self._features))
 
     def _run(self) -> None:
+        """Roll out a rise; a robot that stands is posed in a fall that suits the style first."""
+        if self._stands:
+            lying = (self.editor.style.followed_from or FIRST)[0]
+            world, seed = self._page.world, self._page.request.seed
+            self._page.pose(sample_fall(world, lying, seed).posture)
         self._ask(self.editor.style)
 
     def _run_if_lying(self) -> None:
@@ -351,6 +373,8 @@ class StyleTab:
         editor, curves = self.editor, self.editor.curves
         times = f"{rise_time(curves):.2f} of {curves.duration:.2f} s"
         text = f"**{escape(editor.style.name)}**: rises at {times}"
+        if (starts := editor.style.followed_from) is not None:
+            text += f", followed from {', '.join(starts) or 'nowhere yet'}"
         if self._stands:
             return f"{text}. {STANDS.capitalize()} (Pose tab)."
         followed, is_mirrored = editor.style.find(self._features)

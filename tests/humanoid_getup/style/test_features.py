@@ -128,7 +128,11 @@ def test_curves_pass_through_the_features_at_nine_times():
     curves = extract_curves(time, rise())
     assert curves.duration == pytest.approx(2.0)
     even = np.linspace(0.0, 1.0, 9)[:, None]
-    assert curves.points == pytest.approx((1.0 - even) * rise()[0] + even * rise()[-1])
+    line = (1.0 - even) * rise()[0] + even * rise()[-1]
+    assert curves.values[:, :2] == pytest.approx(line[:, :2])
+    # The front angle begins at 0, and a control point cannot be below.
+    assert curves.values[[0, 8], 2] == pytest.approx(line[[0, 8], 2])
+    assert curves.values[:, 2] == pytest.approx(line[:, 2], abs=0.15)
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,8 @@ class StanceMeter:
 
     def _spread(self, site_mat: Array) -> Array:
         """Return the ways from the middle of each sole to places on it [m], (..., S, 4, 3)."""
-        axes = site_mat[..., self._soles, :].reshape(*site_mat.shape[:-2], -1, 3, 3)
+        count = len(self._soles)
+        axes = site_mat[..., self._soles, :].reshape(*site_mat.shape[:-2], count, 3, 3)
         return self._reach @ np.swapaxes(axes[..., :2], -1, -2)
 
     def estimate(self, orientation: Array, joint_pos: Array) -> Stance:

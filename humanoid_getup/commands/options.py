@@ -25,9 +25,9 @@ Keys = Annotated[
     READ,
     Items(twice=True),
     arg(
-        metavar="FILE|motions:NAME@TIME,...",
-        help="Postures to rise through, in order: posture files, or frames of motions by their "
-        "times [s].",
+        metavar="FILE|half-kneel|motions:NAME@TIME,...",
+        help="Postures to rise through, in order: posture files, half-kneel, or frames of motions "
+        "by their times [s].",
     ),
 ]
 MotionName = Annotated[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import ORIGINAL, Posture, Robot, load_posture, reshape
+from robots.body.half_kneel import HALF_KNEEL, fit_half_kneel
 from robots.kinematics import lowest_points, place, place_postures
 from robots.quaternion import Array
 from robots.robot import ROBOTS_FOLDER
@@ -187,9 +189,9 @@ def list_sides(robot: Robot) -> tuple[LyingSide, ...]:
     return FOUND_SIDES[:-1] if is_symmetric else FOUND_SIDES
 
 
-def list_found(robot: Robot, side: LyingSide) -> list[str]:
-    """List the names of stored motions that a search has found from a side."""
-    files = (robot.folder / MOTION_FOLDER).glob(f"{side}_{FOUND}_[0-9]*.npz")
+def list_found(robot: Robot, side: LyingSide, label: str = FOUND) -> list[str]:
+    """List the names of stored motions that a search has found from a side, by their label."""
+    files = (robot.folder / MOTION_FOLDER).glob(f"{side}_{label}_[0-9]*.npz")
     return sorted(file.stem for file in files)
 
 
@@ -256,6 +258,11 @@ class KeyPosture:
     posture: Posture
 
 
+def label_key(name: str) -> str:
+    """Write the name of a posture as that of a motion may contain it."""
+    return re.sub(r"\W+", "_", Path(name).stem)
+
+
 def name_keys(keys: Sequence[Posture | KeyPosture]) -> tuple[KeyPosture, ...]:
     """Give each posture without a name its number, from 1."""
     return tuple(
@@ -265,17 +272,20 @@ def name_keys(keys: Sequence[Posture | KeyPosture]) -> tuple[KeyPosture, ...]:
 
 
 def load_key(text: str, robot: Robot) -> KeyPosture:
-    """Load a posture file, or the frame of a motion that ``motions:NAME@TIME`` names.
+    """Load a posture file, the frame of a motion that ``motions:NAME@TIME`` names, or a half-kneel.
 
     NAME is that of a motion in the robot's database or of an .npz file, TIME is counted from its
     first frame [s]; the nearest frame is taken.
     """
     if text.startswith(MOTIONS):
         return KeyPosture(name=text, posture=_pick_frame(text, robot))
+    if text == HALF_KNEEL:
+        return KeyPosture(name=text, posture=fit_half_kneel(robot))
     path = Path(text)
     if not path.exists():
         raise ValueError(
-            f"posture '{text}': no such file, expected a posture file or motions:NAME@TIME"
+            f"posture '{text}': no such file, expected a posture file, {HALF_KNEEL} or "
+            "motions:NAME@TIME"
         )
     return KeyPosture(name=text, posture=load_posture(path, robot))
 

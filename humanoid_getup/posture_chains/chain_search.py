@@ -114,11 +114,12 @@ class ChainSearch:
     other end, ways up lead from the stance downwards; a chain is found where the two meet.
     """
 
-    def __init__(self, tools: ChainTools, start: Array) -> None:
-        """Begin at MuJoCo positions (nq,) at rest."""
+    def __init__(self, tools: ChainTools, start: Array, held: Array | None = None) -> None:
+        """Begin at MuJoCo positions (nq,) at rest, by default with their angles as targets (n,)."""
         self._tools, self._player = tools, tools.player
         robot, layout = tools.world.robot, tools.world.robot.layout(tools.world.model)
-        held = np.clip(start[layout.qpos], robot.lower, robot.upper)
+        held = start[layout.qpos] if held is None else held
+        held = np.clip(held, robot.lower, robot.upper)
         self.archive = Archive()
         lying = self._player.describe(start, held)
         disturbed = self._player.sample_worlds(start, PLAYED).take(np.arange(1, PLAYED))

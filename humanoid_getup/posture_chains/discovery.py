@@ -11,19 +11,22 @@ import numpy as np
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.build import lay_on_side
 from humanoid_getup.motions.motion import FOUND, Motion
-from humanoid_getup.motions.motion_database import list_sides
+from humanoid_getup.motions.motion_database import KeyPosture, label_key, list_sides
 from humanoid_getup.posture_chains.chain_search import (
     TURNS,
     ChainSearch,
     ChainTools,
     SearchSettings,
 )
+from humanoid_getup.posture_chains.goal import PostureGoal
+from humanoid_getup.posture_chains.key_goal import find_key_goal
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, list_shares
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import are_same, sample_way
 from humanoid_getup.posture_chains.ways_up import find_least_share
 from humanoid_getup.simulation.world import World
+from robots.kinematics import place_postures
 
 SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as well
 FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
@@ -96,10 +99,17 @@ class ChainDiscovery:
         sides: tuple[LyingSide, ...] | None = None,
         most: int = 2,
         settings: SearchSettings | None = None,
+        through: KeyPosture | None = None,
         accept: Accept = lambda _: "",
         announce: Announce = lambda _: None,
     ) -> None:
-        """Prepare to find up to ``most`` motions from each side, by default all, of other ways."""
+        """Prepare to find up to ``most`` motions from each side, by default all, of other ways.
+
+        They lead ``through`` a key posture, if one is given.
+
+        Raises:
+            ValueError: if the robot does not rest in that posture, or get up from it.
+        """
         sides = list_sides(world.robot) if sides is None else sides
         settings = settings or SearchSettings()
         rng, limit = np.random.default_rng(seed), settings.limit
@@ -110,6 +120,10 @@ class ChainDiscovery:
         """Whether the usual share does not lift the robot."""
         settings = replace(settings, weakest=self.least_share)
         self.tools = ChainTools(world, rng, settings, moves)
+        if through is not None:
+            goal = find_key_goal(self.tools, through)
+            self.tools = ChainTools(world, rng, settings, moves, goal)
+        self._label = FOUND if through is None else label_key(through.name)
         self.maker = MotionMaker(
             world, seed=seed, limit=limit, weakest=self.least_share, threads=settings.threads
         )
@@ -172,22 +186,29 @@ class ChainDiscovery:
     def _try(self, each: SideSearch, chain: PostureChain, *, improves: bool) -> MadeMotion:
         """Make a motion of a chain; keep it if it can be, as a way up for the other sides."""
         self._announce(each)
-        name = f"{each.side}_{FOUND}_{len(each.kept) + 1}"
+        name = f"{each.side}_{self._label}_{len(each.kept) + 1}"
         chain, rest = each.search.shorten(chain), self.tools.player.rest
+        chain = replace(chain, moves=chain.moves + self.tools.goal.onward)
         made = self.maker.make(chain, rest, name=name, start_class=each.side, improves=improves)
         made = self._check(each, made)
         if made.motion is not None:
             each.kept.append(made.motion)
             each.first = min(each.first, each.spent)
-            both = [made.motion, made.motion.mirrored(self._world.robot)]
-            self.tools.ways_up.add_motions(both, self.tools.settings.batch)
+            if self.tools.goal.is_stand:
+                both = [made.motion, made.motion.mirrored(self._world.robot)]
+                self.tools.ways_up.add_motions(both, self.tools.settings.batch)
         return made
 
     def _check(self, each: SideSearch, made: MadeMotion) -> MadeMotion:
         """Refuse a motion that takes a known way, or that is not accepted."""
         if made.motion is None:
             return made
-        way, robot = sample_way(made.motion), self._world.robot
+        motion, robot, goal = made.motion, self._world.robot, self.tools.goal
+        if isinstance(goal, PostureGoal):
+            frames = motion.position, motion.orientation, motion.joint_pos
+            if not goal.is_passed(place_postures(robot, self._world.model, *frames)):
+                return made.refuse("it no longer comes to the key posture")
+        way = sample_way(motion)
         for other in each.kept:
             known = [other, other.mirrored(robot)] if each.side in SYMMETRIC else [other]
             if any(are_same(way, sample_way(motion)) for motion in known):

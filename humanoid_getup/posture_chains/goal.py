@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Bools, Record
 from humanoid_getup.posture_chains.features import ARRIVED, Meter, PostureMeter, StandMeter
 from humanoid_getup.posture_chains.moves import RandomMoves
@@ -21,24 +20,23 @@ class Goal:
     """A held stand, which ends the way up of every robot."""
 
     is_stand = True
+    """Whether squats lead to it."""
 
     def __init__(self, world: World, meter: Meter | None = None) -> None:
         """Prepare for a world; a search for something else on the way measures that."""
-        self._robot, self._stand = world.robot, StandMeter(world)
+        self._stand = StandMeter(world)
         self.meter: Meter = meter or self._stand
         """Measures how near robots are to it."""
         self.qpos = place(world.robot, world.model, world.robot.standing)
         """MuJoCo positions there, (nq,)."""
         self.target = world.robot.standing.joint_pos
         """Targets that are held there [rad], (n,)."""
+        self.onward: tuple[PostureMove, ...] = ()
+        """Moves from there to a held stand."""
 
     def is_reached(self, record: Record, samples: int) -> Bools:
         """Tell which robots are there over the last samples of a record, (N,)."""
         return np.all(record.upright[:, -samples:], axis=1)
-
-    def is_held(self, record: Record) -> Bools:
-        """Tell which robots stay there at the end of a record, (N,)."""
-        return Outcome(record, self._robot).stood
 
     def measure_neck(self, qpos: Array) -> float:
         """Measure the height of the neck at MuJoCo positions (nq,), as a share of the stance's."""
@@ -55,23 +53,38 @@ class Goal:
 
 
 class PostureGoal(Goal):
-    """A posture in which a robot rests."""
+    """A posture in which a robot rests, and from which it gets up."""
 
     is_stand = False
 
-    def __init__(self, world: World, qpos: Array, target: Array) -> None:
-        """Go to MuJoCo positions (nq,), at which targets (n,) [rad] are held."""
+    def __init__(
+        self,
+        world: World,
+        qpos: Array,
+        target: Array,
+        *,
+        touches: bool,
+        onward: tuple[PostureMove, ...] = (),
+    ) -> None:
+        """Go to MuJoCo positions (nq,), at which targets (n,) [rad] are held, then ``onward``.
+
+        There, more than the feet ``touches`` the ground, or nothing else does.
+        """
         super().__init__(world, PostureMeter(world, qpos))
-        self.qpos, self.target = qpos, target
+        self.qpos, self.target, self.onward = qpos, target, onward
+        self.touches = touches
 
     def is_reached(self, record: Record, samples: int) -> Bools:
         """Tell which robots are near to it at both ends of the last samples, (N,)."""
-        ends = [self.meter.measure(record.qpos[:, at]).progress for at in (-samples, -1)]
-        return np.min(ends, axis=0) >= ARRIVED
+        ends = [self._is_near(record.qpos[:, at]) for at in (-samples, -1)]
+        return np.all(ends, axis=0) & (record.stance.non_foot_contact[:, -1] == self.touches)
 
-    def is_held(self, record: Record) -> Bools:
-        """Tell which robots are near to it over the last second of a record, (N,)."""
-        return self.is_reached(record, round(1.0 / record.period))
+    def is_passed(self, qpos: Array) -> bool:
+        """Tell whether a robot comes near to it on a way of MuJoCo positions (T, nq)."""
+        return bool(self._is_near(qpos).any())
+
+    def _is_near(self, qpos: Array) -> Bools:
+        return self.meter.measure(qpos).progress >= ARRIVED
 
     def list_moves(
         self, state: RestingState, moves: RandomMoves, scale: float

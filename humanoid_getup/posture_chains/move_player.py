@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances import USUAL, Disturbance, Normal, Scenarios, Uniform
+from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.judging.torque import find_saturation
@@ -231,7 +232,8 @@ class MovePlayer:
         The first is undisturbed, and played in the world's own physics steps.
         """
         paths = [end.path for end in ends]
-        targets = self._sample([path[0] for path in paths], [end.chain.moves for end in ends])
+        chains = [(*end.chain.moves, *self.goal.onward) for end in ends]
+        targets = self._sample([path[0] for path in paths], chains)
         hold = round(HOLD_TIME / self.world.robot.control_period) + 1
         targets = np.pad(targets, ((0, 0), (0, hold), (0, 0)), "edge")
         first, others = scenarios.take(np.arange(1)), scenarios.take(np.arange(1, len(scenarios)))
@@ -253,10 +255,9 @@ class MovePlayer:
         """Play targets (M, T, n) in scenarios; find where more chains than permitted are lost."""
         each = len(scenarios)
         sent = np.repeat(targets, each, axis=0)
-        tiled = scenarios.tile(len(targets))
-        record = experiment.play(tiled, sent, stop_early=self.goal.is_stand)
+        record = experiment.play(scenarios.tile(len(targets)), sent, stop_early=True)
         self.simulated += record.duration
-        stood = self.goal.is_held(record).reshape(-1, each)
+        stood = Outcome(record, self.world.robot).stood.reshape(-1, each)
         lost, fallen = np.full(len(paths), STANDS), np.sum(~stood, axis=1)
         found = Followed(lost=lost, fallen=fallen, stand=stood[:, 0])
         for k in np.flatnonzero(found.fallen > misses):

@@ -30,7 +30,7 @@ from humanoid_getup.simulation.world import World
 from robots.storage.arrays import load_arrays, to_text
 from robots.storage.validation import shown
 
-VERSION = 8
+VERSION = 9
 """Changes when files of earlier searches cannot be continued."""
 ARCHIVES = (MEMBERS, "draws", "chains", "risen", "paired")
 TEXTS = ("recipe", "rng", "counts")
@@ -65,7 +65,13 @@ class SearchCounts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sides: list[SideCounts]
 
 
-def make_recipe(world: World, settings: SearchSettings, sides: Sequence[str], seed: int) -> Recipe:
+def make_recipe(
+    world: World,
+    settings: SearchSettings,
+    sides: Sequence[str],
+    seed: int,
+    through: str | None = None,
+) -> Recipe:
     """Describe what a search must have in common with a file to go on from it."""
     limit = settings.limit.value
     return {
@@ -74,6 +80,7 @@ def make_recipe(world: World, settings: SearchSettings, sides: Sequence[str], se
         "robot": world.robot.name,
         "seed": seed,
         "choice of sides": ", ".join(sides),
+        "through": through or "none",
         "batch": settings.batch,
         "worlds": settings.worlds,
         "torque limit": "none" if limit is None else f"{limit:g} N·m",

@@ -60,6 +60,9 @@ class DiscoverRequest(RobotOption):
     sides: Annotated[tuple[str, ...], arg(metavar="SIDE,...")] = ()
     """Sides from which motions are searched: supine, prone, left; those from the right mirror
     those from the left, unless a limp joint makes them differ; default: all."""
+    through: Annotated[str | None, READ, arg(metavar="half-kneel|FILE|motions:NAME@TIME")] = None
+    """Posture in which the robot rests on the way, and from which it gets up: one foot and the
+    other knee on the ground, a posture file, or a frame of a motion."""
     most: Count = 2
     """Motions from each side, of different ways up."""
     budget: Annotated[float | None, between(1.0, 1e9, "s"), arg(metavar="S")] = None
@@ -79,6 +82,7 @@ class DiscoverRequest(RobotOption):
         of_search = {
             "--budget": self.budget,
             "--resume": self.resume or None,
+            "--through": self.through,
             "--torque-limit": self.torque_limit,
         }
         wrong, state = (of_search, "with") if self.policy else ({"--rises": self.rises}, "without")

@@ -17,7 +17,13 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.keyframes_writer import append_keyframes, replace_keyframes
 from humanoid_getup.motions.motion import FOUND, Motion
-from humanoid_getup.motions.motion_database import MOTION_FOLDER, list_found, list_sides
+from humanoid_getup.motions.motion_database import (
+    MOTION_FOLDER,
+    label_key,
+    list_found,
+    list_sides,
+    load_key,
+)
 from humanoid_getup.playback.preflight import preflight_stored
 from humanoid_getup.posture_chains.chain_search import ChainTools, SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
@@ -90,8 +96,9 @@ class MotionSearch:
         self._world, self._sides = World(robot), choose_sides(request, robot)
         Limbs(robot)  # refuses a robot without arms or legs
         limit = TorqueLimit(request.torque_limit).on(robot)
-        settings = SearchSettings(limit=limit)
-        self._recipe = make_recipe(self._world, settings, self._sides, request.seed)
+        settings, through = SearchSettings(limit=limit), request.through
+        key = None if through is None else load_key(through, robot)
+        self._recipe = make_recipe(self._world, settings, self._sides, request.seed, through)
         file = self.file(robot)
         arrays = read_search(file, self._recipe) if file.exists() else None
         monitor.begin("squats")
@@ -101,6 +108,7 @@ class MotionSearch:
             sides=self._sides,
             most=request.most,
             settings=settings,
+            through=key,
             accept=self._preflight,
             announce=self._show_making,
         )
@@ -241,9 +249,10 @@ def check_begin(robot: Robot, request: DiscoverRequest) -> None:
             f"a search that ended before it was done is there: go on with --resume, or remove "
             f"{path} first"
         )
-    known = [name for side in sides for name in _list_known(robot, side, keys)]
+    label = FOUND if request.through is None else label_key(request.through)
+    known = [name for side in sides for name in _list_known(robot, side, keys, label)]
     if known:
-        rest = [side for side in sides if not _list_known(robot, side, keys)]
+        rest = [side for side in sides if not _list_known(robot, side, keys, label)]
         others = f", or search the others with --sides {','.join(rest)}" if rest else ""
         raise BadInputError(
             f"motions of an earlier search are there: {', '.join(known)}; remove them from "
@@ -258,10 +267,10 @@ def _list_keys(robot: Robot) -> list[str]:
     return [each.name for each in known]
 
 
-def _list_known(robot: Robot, side: LyingSide, keys: list[str]) -> list[str]:
-    """List motions and keys of an earlier search from a side."""
-    begin = f"{side}_{FOUND}_"
-    found = list_found(robot, side)
+def _list_known(robot: Robot, side: LyingSide, keys: list[str], label: str) -> list[str]:
+    """List motions and keys of an earlier search from a side, by their label."""
+    begin = f"{side}_{label}_"
+    found = list_found(robot, side, label)
     return sorted({*found} | {name for name in keys if name.startswith(begin)})
 
 

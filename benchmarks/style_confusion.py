@@ -42,14 +42,20 @@ def _count(found: PolicySummary, asked: str) -> Counter[str]:
 
 
 def _print_confusion(rows: dict[str, Counter[str]]) -> None:
-    print(f"| asked | stood | nearest: {' | '.join(rows)} | asked nearest (95 %) |")
-    print("|---" * (len(rows) + 3) + "|")
+    ends = "asked nearest (95 %) | followed of those by the paper's count (95 %)"
+    print(f"| asked | stood | nearest: {' | '.join(rows)} | {ends} |")
+    print("|---" * (len(rows) + 4) + "|")
     for asked, row in (*rows.items(), ("all", sum(rows.values(), Counter()))):
         right = sum(rows[name][f"near {name}"] for name in ([asked] if asked in rows else rows))
         cells = [row[f"near {name}"] if asked in rows else "" for name in rows]
-        low, high = wilson_interval(right, row["stood"])
-        share = f"{right} of {row['stood']} ({low:.0%} to {high:.0%})"
-        print(f"| {asked} | {row['stood']} | {' | '.join(map(str, cells))} | {share} |")
+        cells += [_write_share(right, row["stood"])]
+        cells += [_write_share(row["followed"], row["stood_paper"])]
+        print(f"| `{asked}` | {row['stood']} | {' | '.join(map(str, cells))} |")
+
+
+def _write_share(successes: int, n: int) -> str:
+    low, high = wilson_interval(successes, n)
+    return f"{successes} of {n} ({low:.0%} to {high:.0%})"
 
 
 def _print_starts(rows: dict[str, dict[str, Counter[str]]]) -> None:

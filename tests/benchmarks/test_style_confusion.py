@@ -23,6 +23,6 @@ def test_files_are_added_up(op3: Robot, tmp_path: Path, capsys: pytest.CaptureFi
     (tmp_path / "one.json").write_text(to_json(evaluate(request)))
     style_confusion.main((tmp_path / "one.json",) * 2)
     out = capsys.readouterr().out
-    assert "| sit-up | 8 | 8 | 0 | 8 of 8 (68% to 100%) |" in out
-    assert "| all | 16 |  |  | 16 of 16 (81% to 100%) |" in out
+    assert "| `sit-up` | 8 | 8 | 0 | 8 of 8 (68% to 100%) | 8 of 8 (68% to 100%) |" in out
+    assert "| `all` | 16 |  |  | 16 of 16 (81% to 100%) | 16 of 16" in out
     assert "| `push-up` | 2, 2, 2 of 2 |" in out

@@ -1,4 +1,4 @@
-"""An individual: what sets one robot apart from its description, as identified from its flights."""
+"""An individual: what sets one robot apart from its description, and masses that it holds."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from robots.storage.validation import between, read_toml, reading, shown
 IDENTIFIED_FILE = "identified.toml"
 TOLD = "robot", "intervals"  # which make no difference by themselves
 ROUNDING = 1e-3  # of what is written with five digits
+DENSITY = 1000.0  # kg/m³, of held masses: that of water
 LINEAR = 1  # interpolation between two targets of a delayed actuator
 Ends = Annotated[tuple[float, float], Meta(description="the two ends of an interval")]
 
@@ -136,6 +137,38 @@ class Individual:
 
 AS_DESCRIBED = Individual()
 """A robot that differs in nothing from its description."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldMass:
+    """A mass on a body of a robot: a ball without shape."""
+
+    name: str
+    mass: float
+    """[kg]"""
+    body: str
+    position: quaternion.Array
+    """In the body's frame [m], (3,)."""
+
+    def fix(self, spec: mujoco.MjSpec) -> None:
+        """Fix it to its body in a model."""
+        make_explicit(spec)  # a compiler may spread the old total over the new masses
+        radius = (0.75 / np.pi * self.mass / DENSITY) ** (1.0 / 3.0)
+        ball = spec.body(self.body).add_body(name=f"load_{self.name}", mass=self.mass)
+        ball.pos, ball.ipos = self.position, np.zeros(3)  # MuJoCo's own ipos would be pos
+        ball.inertia, ball.explicitinertial = np.full(3, 0.4 * self.mass * radius**2), True
+
+
+def parse_load(text: str) -> dict[str, float]:
+    """Read masses [kg] by names, written as NAME:KG,..."""
+    items = [item.rpartition(":") for item in text.split(",")] if text else []
+    try:
+        load = {name: float(mass) for name, _, mass in items}
+    except ValueError:
+        load = {}
+    if len(load) < len(items) or "" in load:
+        raise ValueError(f"load is '{text}', expected NAME:KG,... with each name once")
+    return load
 
 
 def _rounded(value: str | float | Sequence[float]) -> str | float | list[float]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robots.bus_settings import BusSettings
 from robots.imu import ImuKind, ImuSettings
-from robots.individual import AS_DESCRIBED, Individual
+from robots.individual import AS_DESCRIBED, HeldMass, Individual
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body
 from robots.quaternion import Array
@@ -213,6 +213,8 @@ class Robot(JointArrays):
     """Factors on the lengths of its model; see `robots.description.loading.reshape`."""
     individual: Individual = AS_DESCRIBED
     """What sets it apart from its description, as identified."""
+    held: tuple[HeldMass, ...] = ()
+    """Masses that it holds; see `robots.description.loading.hold`."""
 
     def __post_init__(self) -> None:
         self._derive(self.joints, self.couplings)
@@ -229,6 +231,11 @@ class Robot(JointArrays):
     def strength(self) -> Array:
         """Return the share of each servo's torque that it has, (n,): 0 for limp joints."""
         return np.array([float(name not in self.limp_joints) for name in self.joint_names])
+
+    @property
+    def load(self) -> str:
+        """Return the masses [kg] that it holds as NAME:KG,...; empty for none."""
+        return ",".join(f"{each.name}:{each.mass!r}" for each in self.held)
 
     @property
     def imu_kind(self) -> ImuKind | None:
@@ -301,6 +308,8 @@ class Robot(JointArrays):
         for i in range(self.n):
             self._add_actuator(spec, i)
         self.individual.shape(spec, self.torso, self.imu_site)
+        for held in self.held:
+            held.fix(spec)
         return spec
 
     def read_model(self) -> mujoco.MjSpec:

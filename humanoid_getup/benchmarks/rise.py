@@ -52,6 +52,7 @@ class RiseBench(msgspec.Struct, frozen=True, kw_only=True):
     n: int
     robot: str
     body: str
+    load: str | None
     scene: str
     torque_limit_nm: float | None
     """None for stall torque."""

@@ -14,6 +14,7 @@ import numpy as np
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.options import (
     BodyOption,
+    LoadOption,
     PlannerOptions,
     RobotOption,
     SceneOptions,
@@ -35,6 +36,7 @@ from robots import Body, Posture, Robot, TorqueLimit, list_robots, load_posture
 from robots import load_robot as load_robot_by_name
 from robots.bench import ServoBench
 from robots.imu import IMU_PORT
+from robots.individual import parse_load
 from robots.storage.validation import name_unknown_joints
 
 ZERO, STANDING = "zero", "standing"
@@ -46,7 +48,8 @@ def load_robot(options: RobotOption, *, takes_bench: bool = False) -> Robot:
     """Load the robot of a command, which may need no body (``takes_bench``)."""
     with refusing():
         body = options.body if isinstance(options, BodyOption) else ""
-        robot = load_robot_by_name(options.robot, Body.parse(body))
+        load = parse_load(options.load if isinstance(options, LoadOption) else "")
+        robot = load_robot_by_name(options.robot, Body.parse(body), load=load)
     if isinstance(robot, ServoBench) and not takes_bench:
         raise BadInputError(
             f"robot '{robot.name}' is servos on a bench, expected a robot with a model: its body "

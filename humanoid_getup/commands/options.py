@@ -123,6 +123,15 @@ class BodyOption(CommandRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
+class LoadOption(BodyOption):
+    """Options for a robot's body, and for what it holds."""
+
+    load: Annotated[str, arg(metavar="NAME:KG,...")] = ""
+    """Masses [kg] that the robot holds in left_hand, right_hand, or at a body or site of its model,
+    such as left_hand:0.2. They touch nothing, and a policy does not know them."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class SceneOptions(RobotOption):
     """Robot, scene and seed."""
 

@@ -29,6 +29,8 @@ class ReportHead:
 
     robot: str
     body: str
+    load: str | None
+    """Masses [kg] that the robot holds: NAME:KG,..."""
     identified: str
     """What sets the robot apart from its description; empty if nothing is identified."""
     seed: int

@@ -202,7 +202,7 @@ def choose_strategy(
     if monitor and robot.imu_kind and (gap := planner.describe_gap(origin)):
         monitor.tell(gap)  # without an IMU, no rise begins
     known = StrategyId(POLICY, name)
-    if records is None or not (records.knows(known) and robot.body.is_original):
+    if records is None or not (records.knows(known) and robot.body.is_original) or robot.held:
         return planner
     learned = LearnedRise(world, name, torque_limit=settings.torque_limit, name=name)
     both = {StrategyId(PLAN): planner, known: apply_style(learned, style, monitor)}

@@ -12,15 +12,18 @@ import numpy as np
 
 from robots import quaternion
 from robots.arguments import expect
+from robots.body.limbs import ARMS, Limbs
+from robots.body.shapes import sample_shapes
 from robots.description.bench_table import BENCH, load_bench
 from robots.description.calibration import CALIBRATION_FILE, Calibration, CalibrationError
 from robots.description.model_checks import find_model_problems
 from robots.description.schema import JointRow, RobotTable, read_description
 from robots.description.servo_catalog import read_servo_models
-from robots.individual import IDENTIFIED_FILE, Individual, IndividualError
+from robots.individual import IDENTIFIED_FILE, HeldMass, Individual, IndividualError
 from robots.kinematics import rest_passive_joints
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body, BodyError
+from robots.quaternion import Array
 from robots.reshaping.reshape_model import ReshapedRobot
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
 from robots.servo import LimitMode, Servo, ServoModel
@@ -29,9 +32,14 @@ from robots.storage.model_files import MODEL_ERRORS, find_file_problems
 from robots.storage.validation import load_toml, shown
 from robots.transmission import Coupling
 
+MOST_HELD = 100.0  # kg
+
 
 def load_robot(
-    name_or_folder: str | Path, body: Body = ORIGINAL, individual: Individual | None = None
+    name_or_folder: str | Path,
+    body: Body = ORIGINAL,
+    individual: Individual | None = None,
+    load: Mapping[str, float] | None = None,
 ) -> Robot:
     """Load a robot by name, or from a user's own folder that holds a robot.toml.
 
@@ -40,7 +48,7 @@ def load_robot(
 
     A calibration.toml in the folder replaces what the description says of zeros and signs; an
     identified.toml says what sets the robot apart, unless an individual is given. Another body than
-    that of the model is made as `reshape` says.
+    that of the model is made as `reshape` says. The load is held as `hold` says.
 
     Raises:
         RobotError: if there is no such robot, or naming all that is wrong in its description.
@@ -50,7 +58,8 @@ def load_robot(
     expect("robot", name_or_folder, str | Path, "a name or a folder")
     expect("body", body, Body, "a Body, e.g. Body(arms=1.6)")
     robot = _load_original(name_or_folder, individual)
-    return robot if body.is_original else reshape(robot, body)
+    robot = robot if body.is_original else reshape(robot, body)
+    return hold(robot, load) if load else robot
 
 
 def _load_original(name_or_folder: str | Path, individual: Individual | None) -> Robot:
@@ -126,6 +135,45 @@ def reshape(robot: Robot, body: Body) -> Robot:
         dict(zip(robot.joint_names, robot.standing.joint_pos.tolist(), strict=True)),
     )
     return replace(reshaped, standing=standing, standing_neck_height=neck_height)
+
+
+def hold(robot: Robot, load: Mapping[str, float]) -> Robot:
+    """Give a robot masses [kg] to hold, by names, instead of those that it held.
+
+    A name is ``left_hand`` or ``right_hand``, the end of an arm; or that of a body, which holds the
+    mass in the middle of its shapes; or of a site. Masses touch nothing.
+
+    Raises:
+        ValueError: if there is no such place, or a mass is not above 0 and up to the robot's own.
+    """
+    expect("load", load, Mapping, "masses [kg] by names, e.g. {'left_hand': 0.2}")
+    limbs, held = Limbs(replace(robot, held=())), list[HeldMass]()
+    limbs.look(robot.standing.joint_pos)
+    most = min(MOST_HELD, limbs.mass)
+    for name, mass in load.items():
+        expect(f"load {name}", mass, int | float, "a mass [kg]")
+        if not 0.0 < mass <= most:
+            given = f"load {name} is {mass:g} kg"
+            raise RobotError(f"{given}, expected above 0 and up to {most:.3g} kg for {robot.name}")
+        held.append(HeldMass(name, float(mass), *_find_place(limbs, name)))
+    return replace(robot, held=tuple(held))
+
+
+def _find_place(limbs: Limbs, name: str) -> tuple[str, Array]:
+    """Find the body that holds a load, and the load's place in its frame [m], (3,)."""
+    model, data = limbs.model, limbs.data
+    last = {arm[:-3] + "hand": limbs.all[arm].joints[-1] for arm in ARMS if arm in limbs.all}
+    ends = {hand: data.body(model.jnt_bodyid[limbs.ids[joint]]) for hand, joint in last.items()}
+    if end := ends.get(name):
+        return end.name, end.xmat.reshape(3, 3).T @ (limbs.end(last[name]) - end.xpos)
+    if (body := mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)) > 0:
+        points = sample_shapes(model, body)
+        return name, points.mean(axis=0) if len(points) else model.body_ipos[body]
+    if (site := mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)) >= 0:
+        return model.body(model.site_bodyid[site]).name, model.site_pos[site]
+    known = dict.fromkeys([*ends, *(end.name for end in ends.values()), limbs.robot.torso])
+    owner = f"body or site of {limbs.robot.name}"
+    raise RobotError(f"load on unknown '{name}', expected a {owner}, such as {', '.join(known)}")
 
 
 def _find_folder(name_or_folder: str | Path) -> Path:

@@ -174,6 +174,19 @@ rise --from supine --body arms=2, | unknown part ''
 rise --body arms=1.6 --backend dynamixel --port /dev/x
     | --body is arms=1.6, expected none: a real robot has the body that it has
 rise --from supine --body arms=1.6 --method policy | --body is arms=1.6 | policy
+rise --from supine --load l_hand | load is 'l_hand', expected NAME:KG,... with each name once
+rise --from supine --load l_hand: | load is 'l_hand:', expected NAME:KG
+rise --from supine --load l_hand:much | load is 'l_hand:much', expected NAME:KG
+rise --from supine --load l_hand:1, | load is 'l_hand:1,', expected NAME:KG
+rise --from supine --load l_hand:1,l_hand:2 | load is 'l_hand:1,l_hand:2' | each name once
+rise --from supine --load l_hand:nan | load l_hand is nan kg, expected above 0 and up to 3.15 kg
+rise --from supine --load l_hand:0 | load l_hand is 0 kg, expected above 0 and up to 3.15 kg for op3
+rise --from supine --load l_hand:-1 | load l_hand is -1 kg, expected above 0
+rise --from supine --load l_hand:4 | load l_hand is 4 kg | up to 3.15 kg for op3
+rise --from supine --load tail:1
+    | load on unknown 'tail' | of op3, such as left_hand, right_hand, l_el_link, r_el_link
+bench rise --load tail:1 | load on unknown 'tail'
+bus --load tail:1 | load on unknown 'tail'
 motions list --body torso=0 | torso is '0'
 scenes --body torso=0 | torso is '0'
 preflight squat_to_stand --body torso=0 | torso is '0'
@@ -381,7 +394,7 @@ bus --servos AX-12A:1,XL430-W250:2
 bus --servos AX-12A:1 --baud 2000000 | AX-12A: baud rate is 2000000 bit/s, exp
 bus --servos SCS0009:1 | --servos has 'SCS0009:1', expected MODEL:ID with a
 bus --servos XL430-W250:1 --load 1 | --load is '1', expected KG:M
-bus --load 1:0.1 | --load needs --servos
+bus --load 1:0.1 | load on unknown '1', expected a body or site of op3
 bus --turn l_knee:20 | --turn needs --hold
 bus --robot tiny --hold high | unknown posture 'high': expected zero, standing, or a file
 bus --robot tiny --hold zero --turn knee:20 | turn knee:20: unknown joint 'knee'

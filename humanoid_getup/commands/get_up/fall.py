@@ -14,14 +14,14 @@ from tyro.conf import arg
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import FALL, find_start, load_world
-from humanoid_getup.commands.options import BodyOption, SceneOptions
+from humanoid_getup.commands.options import LoadOption, SceneOptions
 from humanoid_getup.progress.callback import ProgressMonitor
 from robots.description.posture_file import format_posture
 from robots.storage.files import write_atomically
 
 
 @dataclass(frozen=True, kw_only=True)
-class FallRequest(BodyOption, SceneOptions):
+class FallRequest(LoadOption, SceneOptions):
     """Drop a limp robot until it comes to lie on a side, and write how it lies as a posture file.
 
     `getup rise --from FILE` with the same options gets it up as `getup rise --from SIDE` does.

@@ -15,13 +15,13 @@ from humanoid_getup.commands.get_up.results import FinishedRise, print_rise
 from humanoid_getup.commands.get_up.rise_session import run_session
 from humanoid_getup.commands.get_up.session_hooks import Operator
 from humanoid_getup.commands.inputs import find_motion, load_world, make_torque_limit
-from humanoid_getup.commands.options import BodyOption, MotionName
+from humanoid_getup.commands.options import LoadOption, MotionName
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.strategies.stored_motion import StoredMotion
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlayRequest(BodyOption, GetUpOptions):
+class PlayRequest(LoadOption, GetUpOptions):
     """Play a rising motion and judge how it ends."""
 
     motion: Positional[MotionName]

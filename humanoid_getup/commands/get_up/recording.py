@@ -60,6 +60,7 @@ def make_log(
         return None
     about |= {
         "body": str(robot.body),
+        "load": robot.load,
         "seed": request.seed,
         "scene": request.scene,
         "backend": request.backend,

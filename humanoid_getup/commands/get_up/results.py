@@ -183,6 +183,7 @@ def _make_head(
     return ReportHead(
         robot=world.robot.name,
         body=str(world.robot.body),
+        load=world.robot.load or None,
         identified=str(world.robot.individual),
         seed=request.seed,
         start=start,

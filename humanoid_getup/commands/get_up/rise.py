@@ -15,9 +15,9 @@ from humanoid_getup.commands.get_up.session_hooks import Operator
 from humanoid_getup.commands.inputs import load_keys, load_world, make_settings
 from humanoid_getup.commands.options import (
     A_POLICY,
-    BodyOption,
     Count,
     Keys,
+    LoadOption,
     PlannerOptions,
     PolicyName,
 )
@@ -28,7 +28,7 @@ from humanoid_getup.strategies.plan import Strategy
 
 
 @dataclass(frozen=True, kw_only=True)
-class RiseRequest(BodyOption, PlannerOptions, GetUpOptions):
+class RiseRequest(LoadOption, PlannerOptions, GetUpOptions):
     """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
 
     attempts: Count = 3

@@ -22,7 +22,7 @@ from humanoid_getup.commands.get_up.recording import make_log, recording
 from humanoid_getup.commands.get_up.results import FinishedStand, finish_stand
 from humanoid_getup.commands.get_up.session_hooks import NoOperator, Operator, SessionHooks
 from humanoid_getup.commands.inputs import load_world, make_torque_limit
-from humanoid_getup.commands.options import BodyOption
+from humanoid_getup.commands.options import LoadOption
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
@@ -31,7 +31,7 @@ from humanoid_getup.progress.callback import ProgressMonitor
 
 
 @dataclass(frozen=True, kw_only=True)
-class SitRequest(BodyOption, MoveOptions):
+class SitRequest(LoadOption, MoveOptions):
     """Sit and lie down from a stand, then torque off.
 
     A simulated robot starts standing; a real one is held by a person until it moves.
@@ -42,7 +42,7 @@ class SitRequest(BodyOption, MoveOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HoldRequest(BodyOption, MoveOptions):
+class HoldRequest(LoadOption, MoveOptions):
     """Hold a robot in its stand, supervised, until a key is pressed.
 
     A simulated robot starts standing; a real one is held by a person until it has torque. In

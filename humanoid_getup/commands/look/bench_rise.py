@@ -29,9 +29,9 @@ from humanoid_getup.commands.errors import refusing
 from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import load_world, make_settings
 from humanoid_getup.commands.options import (
-    BodyOption,
     Count,
     EngineOptions,
+    LoadOption,
     PlannerOptions,
     SceneOptions,
 )
@@ -61,7 +61,7 @@ LOADS = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRise(EngineOptions, PlannerOptions, BodyOption, SceneOptions):
+class BenchRise(EngineOptions, PlannerOptions, LoadOption, SceneOptions):
     """Rise from many settled falls: success rates, times and faults."""
 
     n: Count = 20
@@ -122,6 +122,7 @@ def benchmark(request: BenchRise, monitor: ProgressMonitor) -> RiseBench:
         n=len(rises),
         robot=world.robot.name,
         body=str(world.robot.body),
+        load=world.robot.load or None,
         scene=world.scene.name,
         classes=summarize_classes(rises, BENCH_CLASSES),
         all=RiseSummary.of(rises),

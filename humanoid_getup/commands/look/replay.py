@@ -35,7 +35,7 @@ from humanoid_getup.reporting.replay_page import write_page
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
-from robots.individual import AS_DESCRIBED
+from robots.individual import AS_DESCRIBED, parse_load
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 from robots.storage.validation import between
@@ -143,7 +143,8 @@ def _load_worlds(request: ReplayRequest, record: FlightRecord) -> dict[str, Worl
     """Load the robot as described, and as identified if it was, into the scene."""
     body = Body.parse(str(record.about.get("body", "")))
     name = request.robot or record.robot
-    robot, own = load_robot(name, body, AS_DESCRIBED), load_robot(name, body)
+    load = parse_load(str(record.about.get("load", "")))
+    robot, own = (load_robot(name, body, each, load) for each in (AS_DESCRIBED, None))
     record.check_robot(robot)
     scene = request.scene or str(record.about.get("scene", "flat"))
     seed = record.about.get("seed", 0)

@@ -14,7 +14,7 @@ from tyro.conf import arg
 from humanoid_getup.commands.command import program
 from humanoid_getup.commands.console import phase
 from humanoid_getup.commands.errors import DID_IT, needing
-from humanoid_getup.commands.options import BodyOption, SceneOptions
+from humanoid_getup.commands.options import LoadOption, SceneOptions
 from robots.storage.validation import between
 
 LAST_PORT = 65535
@@ -22,7 +22,7 @@ LONGEST_WAIT = 1.0  # s
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudioRequest(BodyOption, SceneOptions):
+class StudioRequest(LoadOption, SceneOptions):
     """Open the studio, a page in the browser: pose a fall, plan its rise, look at it."""
 
     port: Annotated[int, between(0, LAST_PORT, ""), arg(metavar="N")] = 8090

@@ -19,7 +19,7 @@ from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import DID_IT, NO_PATH
 from humanoid_getup.commands.files import READ, Written, staging
 from humanoid_getup.commands.inputs import find_start, load_keys, load_world
-from humanoid_getup.commands.options import NO_ORIGIN, BodyOption, Keys, Origin, SceneOptions
+from humanoid_getup.commands.options import NO_ORIGIN, Keys, LoadOption, Origin, SceneOptions
 from humanoid_getup.experiments.falls import Fall, classify
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import (
@@ -47,7 +47,7 @@ FILES = (PATH, STRIP)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanRequest(BodyOption, SceneOptions):
+class PlanRequest(LoadOption, SceneOptions):
     """Plan a path from a lying posture to a stored motion, or to any posture; no physics."""
 
     origin: Origin = None

@@ -14,7 +14,7 @@ from humanoid_getup.commands.command import command
 from humanoid_getup.commands.console import make_table
 from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, refusing
 from humanoid_getup.commands.inputs import find_motion, load_world, make_torque_limit
-from humanoid_getup.commands.options import BodyOption, MotionName, SceneOptions, TorqueOptions
+from humanoid_getup.commands.options import LoadOption, MotionName, SceneOptions, TorqueOptions
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback import preflight as judging
 from humanoid_getup.playback.preflight import MotionVerdict, ReasonKind
@@ -40,7 +40,7 @@ LOADS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class PreflightRequest(TorqueOptions, BodyOption, SceneOptions):
+class PreflightRequest(TorqueOptions, LoadOption, SceneOptions):
     """Check a motion against limits, speed, torque at a supply, heat and self-collision."""
 
     motion: Positional[MotionName]
@@ -67,6 +67,7 @@ class JudgedMotion:
         return {
             "robot": robot.name,
             "body": str(robot.body),
+            "load": robot.load or None,
             "motion": self.motion.name,
             "scene": self.request.scene,
             "torque_limit_nm": self.torque_limit.value,

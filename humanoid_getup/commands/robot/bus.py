@@ -24,7 +24,7 @@ from humanoid_getup.commands.console import warn
 from humanoid_getup.commands.errors import DID_IT, BadInputError, refusing, refusing_own
 from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import find_start, load_robot
-from humanoid_getup.commands.options import BodyOption, SceneOptions
+from humanoid_getup.commands.options import LoadOption, SceneOptions
 from humanoid_getup.commands.prompt import TypedLines
 from humanoid_getup.commands.robot.virtual_person import VirtualPerson
 from humanoid_getup.commands.values import Items
@@ -41,7 +41,7 @@ CLEAR = "\r\x1b[K"  # returns to the start of a line and clears it
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServeBus(BodyOption, SceneOptions):
+class ServeBus(LoadOption, SceneOptions):
     """Serve a virtual bus with a simulated robot behind it, until stopped.
 
     Prints the path of the serial port; of a robot with several, one line each, and one for an IMU
@@ -55,8 +55,9 @@ class ServeBus(BodyOption, SceneOptions):
     ] = ()
     """Servos on a bench instead of a robot: each model with its ids, such as
     XL430-W250:1,2,XM430-W350:3."""
-    load: Annotated[str | None, arg(metavar="KG:M")] = None
-    """Mass that hangs from each horn on a bench, and its distance; default: none."""
+    load: Annotated[str, arg(metavar="NAME:KG,...|KG:M")] = ""
+    """Masses [kg] that the robot holds, such as left_hand:0.2; or the mass that hangs from each
+    horn on a bench, and its distance [m]."""
     baud: Annotated[int | None, arg(metavar="BIT/S")] = None
     """Baud rate of the bus [bit/s]; default: the robot's, or 57600 on a bench, as servos are
     shipped."""
@@ -82,8 +83,6 @@ class ServeBus(BodyOption, SceneOptions):
 
     def _find_problems(self) -> Iterator[str]:
         yield from super()._find_problems()
-        if self.load is not None and not self.servos:
-            yield "--load needs --servos: it hangs from the servos of a bench"
         if self.turn and self.hold is None:
             yield "--turn needs --hold: a person turns joints of a robot that is held"
 
@@ -198,10 +197,10 @@ def _do(person: VirtualPerson, sentence: str) -> None:
 # Servos on a bench -------------------------------------------------------------------------------
 
 
-def _build_bench(words: Sequence[str], load: str | None, baud: int | None) -> ServoBench:
+def _build_bench(words: Sequence[str], load: str, baud: int | None) -> ServoBench:
     """Build the bench of --servos and --load, with a cycle that suits the baud rate."""
     servos = list_bench_servos(words)
-    hanging = BARE if load is None else Load.parse(load)
+    hanging = Load.parse(load) if load else BARE
     table = table_named(servos[0].servo.model.name)
     shipped = table.bauds[table["baud_rate"].default or 0]
     return make_bench(servos, baud=baud or shipped, loads=[hanging] * len(servos))

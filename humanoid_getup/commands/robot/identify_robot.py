@@ -23,7 +23,7 @@ from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
-from robots.individual import AS_DESCRIBED, IDENTIFIED_FILE
+from robots.individual import AS_DESCRIBED, IDENTIFIED_FILE, parse_load
 
 if TYPE_CHECKING:
     from sim2real.identification.flight_fit import RobotFit
@@ -143,13 +143,15 @@ def _print(found: IdentifiedRobot, request: FitRobotRequest, console: Console) -
 def _load_world(request: FitRobotRequest, records: Sequence[FlightRecord]) -> World:
     """Load the robot into the scene in which it flew."""
     first, *others = records
-    body, scene = (str(first.about.get(*each)) for each in (("body", ""), ("scene", "flat")))
-    robot = load_robot(request.robot or first.robot, Body.parse(body), AS_DESCRIBED)
+    flown = {"body": "", "load": "", "scene": "flat"}
+    body, load, scene = same = [str(first.about.get(*each)) for each in flown.items()]
+    name = request.robot or first.robot
+    robot = load_robot(name, Body.parse(body), AS_DESCRIBED, parse_load(load))
     if request.write is not None and load_robot(request.write).name != robot.name:
         raise BadInputError(f"--write is {request.write}, expected the folder of {robot.name}")
     for other in others:
-        if (other.about.get("body", ""), other.about.get("scene", "flat")) != (body, scene):
+        if [str(other.about.get(*each)) for each in flown.items()] != same:
             raise BadInputError(
-                f"flight log {other.path}: its body or scene is another than that of {first.path}"
+                f"flight log {other.path}: body, load or scene differ from those of {first.path}"
             )
     return World(robot, load_scene(scene, robot))

@@ -132,6 +132,7 @@ class PlanTab:
         return RiseRequest(
             robot=given.robot,
             body=given.body,
+            load=given.load,
             scene=given.scene,
             seed=given.seed,
             origin=str(folder / START),

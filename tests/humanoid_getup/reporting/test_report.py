@@ -24,6 +24,7 @@ HEAD = ReportHead(
     robot="op3",
     identified="",
     body="",
+    load=None,
     seed=4,
     start="prone",
     scene="flat",

@@ -16,7 +16,7 @@ from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import ORIGINAL, Posture, Robot, load_posture, reshape
-from robots.body.half_kneel import HALF_KNEEL, fit_half_kneel
+from robots.body.half_kneel import HALF_KNEEL, fit_half_kneels
 from robots.kinematics import lowest_points, place, place_postures
 from robots.quaternion import Array
 from robots.robot import ROBOTS_FOLDER
@@ -256,6 +256,8 @@ class KeyPosture:
 
     name: str
     posture: Posture
+    others: tuple[Posture, ...] = ()
+    """Which may take its place where the robot does not rest in it."""
 
 
 def label_key(name: str) -> str:
@@ -280,7 +282,8 @@ def load_key(text: str, robot: Robot) -> KeyPosture:
     if text.startswith(MOTIONS):
         return KeyPosture(name=text, posture=_pick_frame(text, robot))
     if text == HALF_KNEEL:
-        return KeyPosture(name=text, posture=fit_half_kneel(robot))
+        first, *others = fit_half_kneels(robot)
+        return KeyPosture(name=text, posture=first, others=tuple(others))
     path = Path(text)
     if not path.exists():
         raise ValueError(

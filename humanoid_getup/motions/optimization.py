@@ -129,7 +129,7 @@ class TrajectoryOptimizer:
         with a mean that fails in no fewer worlds.
         """
         rng = np.random.default_rng([seed, 2])
-        worlds = self._make_scenarios(keyframes, PRACTICE, rng)
+        worlds = self.make_scenarios(keyframes, PRACTICE, rng)
         population = KeyframePopulation(
             keyframes, self.world.robot, size=POPULATION, seed=seed, step=CAREFUL_STEP
         )
@@ -181,7 +181,7 @@ class TrajectoryOptimizer:
         log: Ledger | None,
     ) -> Generation:
         """Return the costs of a generation, from the log or else by rollouts."""
-        scenarios = self._make_scenarios(candidates[0], SCENARIOS, rng)
+        scenarios = self.make_scenarios(candidates[0], SCENARIOS, rng)
         name = str(generation + 1)
         if log is not None and name in log.done:
             kept = log.done[name]
@@ -203,7 +203,7 @@ class TrajectoryOptimizer:
         are rolled out where so many of them fail that fewer of all than ``least`` would succeed.
         """
         rng = np.random.default_rng([seed, 1])
-        scenarios = self._make_scenarios(keyframes, FINAL_SCENARIOS, rng)
+        scenarios = self.make_scenarios(keyframes, FINAL_SCENARIOS, rng)
         rows = np.arange(FINAL_SCENARIOS)
         costs, stood = list[float](), np.ones(FINAL_SCENARIOS, dtype=bool)
         for some in filter(len, (rows[:FIRST_FINAL], rows[FIRST_FINAL:])):
@@ -241,9 +241,10 @@ class TrajectoryOptimizer:
         cost, stood = score(record, self.world, candidates[0], hold, preference, durations)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)
 
-    def _make_scenarios(
+    def make_scenarios(
         self, keyframes: Keyframes, count: int, rng: np.random.Generator
     ) -> Scenarios:
+        """Make scenarios for keyframes: two undisturbed, all others disturbed."""
         start, limit, disturbance = self.start, keyframes.torque_limit, self._disturbance
         return make_scenarios(
             self.world, start, limit, count, disturbance, rng, bounds=self._bounds

@@ -18,7 +18,6 @@ from humanoid_getup.posture_chains.chain_search import (
     ChainTools,
     SearchSettings,
 )
-from humanoid_getup.posture_chains.goal import PostureGoal
 from humanoid_getup.posture_chains.key_goal import find_key_goal
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, list_shares
 from humanoid_getup.posture_chains.moves import RandomMoves
@@ -26,7 +25,6 @@ from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import are_same, sample_way
 from humanoid_getup.posture_chains.ways_up import find_least_share
 from humanoid_getup.simulation.world import World
-from robots.kinematics import place_postures
 
 SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as well
 FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
@@ -125,7 +123,12 @@ class ChainDiscovery:
             self.tools = ChainTools(world, rng, settings, moves, goal)
         self._label = FOUND if through is None else label_key(through.name)
         self.maker = MotionMaker(
-            world, seed=seed, limit=limit, weakest=self.least_share, threads=settings.threads
+            world,
+            seed=seed,
+            limit=limit,
+            weakest=self.least_share,
+            goal=self.tools.goal,
+            threads=settings.threads,
         )
         self._world, self._most = world, most
         self._accept, self._announce = accept, announce
@@ -203,11 +206,7 @@ class ChainDiscovery:
         """Refuse a motion that takes a known way, or that is not accepted."""
         if made.motion is None:
             return made
-        motion, robot, goal = made.motion, self._world.robot, self.tools.goal
-        if isinstance(goal, PostureGoal):
-            frames = motion.position, motion.orientation, motion.joint_pos
-            if not goal.is_passed(place_postures(robot, self._world.model, *frames)):
-                return made.refuse("it no longer comes to the key posture")
+        motion, robot = made.motion, self._world.robot
         way = sample_way(motion)
         for other in each.kept:
             known = [other, other.mirrored(robot)] if each.side in SYMMETRIC else [other]

@@ -156,14 +156,22 @@ class PostureMeter:
         self._up, self._angles = self._read(qpos[None])
 
     def _read(self, qpos: Array) -> tuple[Array, Array]:
-        angles = qpos[:, self._layout.qpos][:, self._legs]
-        return _find_up(qpos[:, self._layout.root_orientation]), angles
+        angles = qpos[..., self._layout.qpos][..., self._legs]
+        return _find_up(qpos[..., self._layout.root_orientation]), angles
+
+    def _measure_far(self, angles: Array) -> Array:
+        return np.sqrt(np.mean((angles - self._angles[0]) ** 2, axis=-1))
+
+    def measure_progress(self, qpos: Array) -> Array:
+        """Measure how near robots at MuJoCo positions (..., nq) are, at most 1, (...)."""
+        up, angles = self._read(qpos)
+        turned = np.arccos(np.clip(up @ self._up[0], -1.0, 1.0))
+        return np.exp(-turned - self._measure_far(angles))
 
     def measure(self, qpos: Array) -> Features:
         """Measure robots at MuJoCo positions (K, nq)."""
         up, angles = self._read(qpos)
-        turned = np.arccos(np.clip(up @ self._up[0], -1.0, 1.0))
-        far = np.sqrt(np.mean((angles - self._angles) ** 2, axis=1))
+        far = self._measure_far(angles)
         neck = self._stand.measure(qpos).neck
         cells = [
             np.round(up / GRAVITY_STEP),
@@ -171,7 +179,7 @@ class PostureMeter:
             np.minimum(np.floor(far / LEGS_STEP), MOST_LEGS),
         ]
         return Features(
-            progress=np.exp(-turned - far),
+            progress=self.measure_progress(qpos),
             cells=np.column_stack(cells).astype(int),
             places=np.hstack([up, neck[:, None], 0.5 * far[:, None]]),
         )

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
+from humanoid_getup.experiments.disturbances import Scenarios
+from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Bools, Record
+from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.posture_chains.features import ARRIVED, Meter, PostureMeter, StandMeter
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
@@ -34,6 +40,10 @@ class Goal:
         self.onward: tuple[PostureMove, ...] = ()
         """Moves from there to a held stand."""
 
+    def is_passed(self, record: Record) -> Bools:
+        """Tell which robots come to it on the way, if it is not the end of the way, (...)."""
+        return np.ones(record.qpos.shape[:-2], dtype=bool)
+
     def is_reached(self, record: Record, samples: int) -> Bools:
         """Tell which robots are there over the last samples of a record, (N,)."""
         return np.all(record.upright[:, -samples:], axis=1)
@@ -50,6 +60,24 @@ class Goal:
         higher = moves.squats.targets[moves.squat_necks > least]
         straight = [moves.rise(higher[:0], time * scale) for time in TIMES]
         return straight + [moves.rise(higher, time * scale) for time in TIMES[1:]]
+
+
+class GoalExperiment(Experiment):
+    """An experiment in which a rise that does not come to a goal on its way fails."""
+
+    def __init__(self, goal: Goal, world: World, *, threads: int = 0) -> None:
+        """Prepare for a world."""
+        super().__init__(world, threads=threads)
+        self._goal = goal
+
+    def compare(
+        self, scenarios: Scenarios, motions: Sequence[Array], *, give_up: bool = False
+    ) -> Outcome:
+        """Play the targets of S motions, (T, n) each, in K scenarios until known; (S, K)."""
+        outcome = super().compare(scenarios, motions, give_up=give_up)
+        record = outcome.record
+        failed = record.failed | ~self._goal.is_passed(record)
+        return replace(outcome, record=replace(record, failed=failed))
 
 
 class PostureGoal(Goal):
@@ -70,7 +98,8 @@ class PostureGoal(Goal):
 
         There, more than the feet ``touches`` the ground, or nothing else does.
         """
-        super().__init__(world, PostureMeter(world, qpos))
+        self._posture = PostureMeter(world, qpos)
+        super().__init__(world, self._posture)
         self.qpos, self.target, self.onward = qpos, target, onward
         self.touches = touches
 
@@ -79,12 +108,13 @@ class PostureGoal(Goal):
         ends = [self._is_near(record.qpos[:, at]) for at in (-samples, -1)]
         return np.all(ends, axis=0) & (record.stance.non_foot_contact[:, -1] == self.touches)
 
-    def is_passed(self, qpos: Array) -> bool:
-        """Tell whether a robot comes near to it on a way of MuJoCo positions (T, nq)."""
-        return bool(self._is_near(qpos).any())
+    def is_passed(self, record: Record) -> Bools:
+        """Tell which robots come near to it, and touch the ground as there, (...)."""
+        touches = record.stance.non_foot_contact == self.touches
+        return np.any(self._is_near(record.qpos) & touches, axis=-1)
 
     def _is_near(self, qpos: Array) -> Bools:
-        return self.meter.measure(qpos).progress >= ARRIVED
+        return self._posture.measure_progress(qpos) >= ARRIVED
 
     def list_moves(
         self, state: RestingState, moves: RandomMoves, scale: float

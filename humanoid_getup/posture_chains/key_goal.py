@@ -27,8 +27,14 @@ def find_key_goal(tools: ChainTools, key: KeyPosture) -> PostureGoal:
         ValueError: if it does not.
     """
     world, limit = tools.world, tools.settings.limit
-    goal = settle(world, key.posture, limit)
-    count = 0 if goal is None else _count_held(world, goal, limit)
+    goal, count = None, 0
+    for posture in (key.posture, *key.others):
+        tried = settle(world, posture, limit)
+        held = 0 if tried is None else _count_held(world, tried, limit)
+        if held > count:
+            goal, count = tried, held
+        if count >= KEPT:
+            break
     if goal is None or count < KEPT:
         raise ValueError(
             f"posture '{key.name}': robot '{world.robot.name}' rests in it in {count} of {WORLDS} "

@@ -19,15 +19,23 @@ from humanoid_getup.motions.optimization import (
     TrajectoryOptimizer,
     make_scenarios,
 )
+from humanoid_getup.motions.preference import Preference
+from humanoid_getup.motions.target_search import TargetSearch
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
+from humanoid_getup.posture_chains.goal import Goal, GoalExperiment
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import KindNamer
-from humanoid_getup.posture_chains.shortening import WORLDS, Shortener, make_keyframes
+from humanoid_getup.posture_chains.shortening import (
+    WORLDS,
+    Shortener,
+    follow_targets,
+    make_keyframes,
+)
 from humanoid_getup.posture_chains.ways_up import check_lifting
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
-from humanoid_getup.simulation.world import World
+from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
 from robots import Posture, Robot, TorqueLimit
 from robots.body.limbs import Limbs
 from robots.kinematics import place
@@ -39,6 +47,7 @@ KEPT_SHARE = 0.9  # of the rollouts in which a motion is judged, that must stand
 WORTH = 0.3  # share from which a rise is slowed down and improved
 SLOWER = (1.2, 1.5)  # factors on all times of a rise that does not stand often enough
 LONG = 6.0  # s for OP3, from which it is not
+VARIED, VARYING = 24, 6000.0  # worlds, and s simulated, in which rises through a goal are varied
 JUDGED = 6  # of the ever shorter versions of a chain, at most
 
 
@@ -81,12 +90,21 @@ class MotionMaker:
     """Makes motions of chains of one robot in one world, under one torque limit."""
 
     def __init__(
-        self, world: World, *, seed: int, limit: TorqueLimit, weakest: float, threads: int = 0
+        self,
+        world: World,
+        *,
+        seed: int,
+        limit: TorqueLimit,
+        weakest: float,
+        goal: Goal | None = None,
+        threads: int = 0,
     ) -> None:
         """Prepare; disturbances are drawn from the seed, alike for all chains.
 
-        Motions are judged at no less than the ``weakest`` share of the limit.
+        Motions are judged at no less than the ``weakest`` share of the limit, and have to come to a
+        goal on the way, if one is given.
         """
+        self._goal = goal or Goal(world)
         self._world, self._seed, self._limit, self._threads = world, seed, limit, threads
         full = float(world.robot.max_torque.max())
         self._torque = full if limit.value is None else limit.value
@@ -108,7 +126,7 @@ class MotionMaker:
 
         The shortest of its versions that stands often enough is kept; motions end standing also
         when they are entered at rest at some of their frames. If none does, the best one is slowed
-        down; then a short one may be improved.
+        down; then a short one may be improved, and one through a goal is varied.
         """
         world, rng = self._world, np.random.default_rng([self._seed, 0])
         keyframes = make_keyframes(
@@ -118,7 +136,7 @@ class MotionMaker:
         scenarios = make_scenarios(
             world, chain.start, self._torque, WORLDS, MARGIN, rng, bounds=self._bounds
         )
-        shortener = Shortener(world, scenarios, threads=self._threads)
+        shortener = Shortener(world, scenarios, goal=self._goal, threads=self._threads)
         optimizer = TrajectoryOptimizer(
             world, chain.start, threads=self._threads, bounds=self._bounds
         )
@@ -127,7 +145,9 @@ class MotionMaker:
         if WORTH <= found.share < KEPT_SHARE:
             found = self._slow_down(found, optimizer)
         is_worth_it = WORTH <= found.share < KEPT_SHARE
-        if improves and is_worth_it and found.duration < LONG * shortener.scale:
+        if is_worth_it and not self._goal.is_stand:
+            found = self._vary(found, optimizer)
+        elif improves and is_worth_it and found.duration < LONG * shortener.scale:
             better = self._judge(optimizer.improve(found.keyframes, self._seed), optimizer)
             found = max(found, better, key=lambda each: each.share)
         self.simulated += shortener.simulated + optimizer.simulated
@@ -149,6 +169,21 @@ class MotionMaker:
                 break
         return max(judged, key=lambda each: each.share)
 
+    def _vary(self, found: MadeMotion, optimizer: TrajectoryOptimizer) -> MadeMotion:
+        """Return the better of a rise and what varying it in disturbed worlds finds."""
+        world, keyframes, rng = self._world, found.keyframes, np.random.default_rng([self._seed, 3])
+        scenarios = optimizer.make_scenarios(keyframes, VARIED, rng)
+        coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
+        search = TargetSearch(coarse, preference=Preference(time=1.0))
+        search.experiment = GoalExperiment(self._goal, coarse, threads=self._threads)
+        targets = keyframes.targets(world.robot, 0.0)
+        varied = search.search(scenarios, targets, VARYING, rng)
+        self.simulated += varied.simulated
+        if varied.target is targets:
+            return found
+        better = self._judge(follow_targets(keyframes, varied.target, world.robot), optimizer)
+        return max(found, better, key=lambda each: each.share)
+
     def _judge(self, keyframes: Keyframes, optimizer: TrajectoryOptimizer) -> MadeMotion:
         """Judge keyframes with the time that the servos need."""
         keyframes = keyframes.stretch(self._world.robot)
@@ -164,6 +199,8 @@ class MotionMaker:
         trial = Trial.of(world, found.keyframes, start, self._limit)
         if not trial.succeeded:
             return replace(found, failure=f"undisturbed, it {trial.describe()}")
+        if not self._goal.is_passed(trial.outcome.record):
+            return replace(found, failure="it no longer comes to the key posture")
         strategy = self._namer.name_strategy(trial)
         keyframes = replace(found.keyframes, strategy=strategy)
         motion = replace(trial.record(self._describe(found)), strategy=strategy)

@@ -15,6 +15,7 @@ from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import FOUND, StartClass
 from humanoid_getup.motions.preference import Preference
+from humanoid_getup.posture_chains.goal import Goal, GoalExperiment
 from humanoid_getup.posture_chains.move_player import measure_time_scale
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.simulation.physics_engine import find_coarse_step
@@ -41,8 +42,7 @@ def make_keyframes(
         at = invert_smooth_step(np.linspace(0.0, 1.0, len(move.knots) + 1))
         durations += [*move.duration * np.diff(at), rest]
     keys[-1] = robot.standing.joint_pos
-    moving = np.flatnonzero(np.ptp(keys, axis=0) > STILL)
-    free = np.union1d(moving, robot.mirror_index[moving])
+    free = _find_free(np.array(keys), robot)
     return Keyframes(
         name=name,
         start_class=start_class,
@@ -55,6 +55,21 @@ def make_keyframes(
         time_cost=TIME_COST,
         torque_cost=TORQUE_COST,
     )
+
+
+def follow_targets(keyframes: Keyframes, targets: Array, robot: Robot) -> Keyframes:
+    """Give keyframes the keys of a curve through targets (T, n) [rad]."""
+    time = np.linspace(0.0, robot.control_period * (len(targets) - 1), len(targets))
+    kept = choose_keys(time, targets, TOLERANCES[-1])
+    keys = np.concatenate([targets[kept[:-1]], robot.standing.joint_pos[None]])
+    free = _find_free(keys, robot)
+    mirrored = np.zeros(len(free), dtype=bool)
+    return replace(keyframes, keys=keys, duration=np.diff(time[kept]), free=free, mirrored=mirrored)
+
+
+def _find_free(keys: Array, robot: Robot) -> NDArray[np.int_]:
+    moving = np.flatnonzero(np.ptp(keys, axis=0) > STILL)
+    return np.union1d(moving, robot.mirror_index[moving])
 
 
 WORLDS = 8  # in which a shortened rise is tried
@@ -85,19 +100,21 @@ class Shortener:
         world: World,
         scenarios: Scenarios,
         *,
+        goal: Goal | None = None,
         threads: int = 0,
         check: Callable[[], None] = lambda: None,
     ) -> None:
         """Prepare to shorten rises that have to stand in scenarios (`WORLDS`,).
 
-        The first is undisturbed. ``check`` is called before each batch of rollouts, and may raise
-        an error to end the work.
+        The first is undisturbed. They have to come to a goal on the way, if one is given.
+        ``check`` is called before each batch of rollouts, and may raise an error to end the work.
         """
         self._check = check
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
-        self._experiment, self._robot = Experiment(coarse, threads=threads), world.robot
+        goal, self._robot = goal or Goal(world), world.robot
+        self._experiment = GoalExperiment(goal, coarse, threads=threads)
         coarsest = world.vary(timestep=find_coarse_step(world))
-        self._first = Experiment(coarsest, threads=threads)
+        self._first = GoalExperiment(goal, coarsest, threads=threads)
         self._scenarios = scenarios
         self._preference = Preference(
             time=1.0, rms_torque=RMS_COST / world.robot.max_torque.mean(), neck_delta_v=IMPACT_COST

@@ -27,8 +27,8 @@ LEAN, BALANCE = 1.0, 3.0  # weights, beside `CLOSE` of what has to touch the gro
 SOLVED = 0.02  # leg lengths that a knee, toes or any body may be off the ground, or below it
 
 
-def fit_half_kneel(robot: Robot) -> Posture:
-    """Fit a half-kneel with the left foot in front, its angles as near to the stance as found.
+def fit_half_kneels(robot: Robot) -> list[Posture]:
+    """Fit half-kneels with the left foot in front, the nearest to the stance first.
 
     Raises:
         ValueError: if the legs do not bend so far.
@@ -36,7 +36,7 @@ def fit_half_kneel(robot: Robot) -> Posture:
     found = HalfKneelFit(Limbs(robot)).draw(np.random.default_rng(0))
     if not found:
         raise ValueError(f"robot '{robot.name}' has no posture '{HALF_KNEEL}', expected another")
-    return found[0]
+    return found
 
 
 class HalfKneelFit:

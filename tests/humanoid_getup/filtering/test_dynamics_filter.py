@@ -10,9 +10,9 @@ from humanoid_getup.experiments.falls import sample_falls
 from humanoid_getup.experiments.rollouts import Experiment, play
 from humanoid_getup.filtering.candidate import Candidate, Slowdown, compose, straight_path
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
-from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.tracking import LONGEST_STRETCH
 from humanoid_getup.motions.posture_metric import align
+from humanoid_getup.motions.target_search import TargetSearch
 from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import TorqueLimit

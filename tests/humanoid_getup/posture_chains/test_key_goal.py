@@ -18,6 +18,18 @@ def test_a_posture_in_which_the_robot_does_not_rest_is_refused(op3, few_tools):
         find_key_goal(few_tools, key)
 
 
+def test_another_posture_is_taken_where_the_robot_does_not_rest_in_the_first(op3, few_tools):
+    tipped = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 0.7)
+    key = KeyPosture(
+        name="any",
+        posture=replace(op3.standing, orientation=tipped),
+        others=(op3.standing,),
+    )
+    goal = find_key_goal(few_tools, key)
+    assert not goal.touches
+    assert goal.measure_neck(goal.qpos) > 0.95
+
+
 def test_a_motion_can_be_named_after_a_posture():
     assert label_key("half-kneel") == "half_kneel"
     assert label_key("my/low squat.json") == "low_squat"

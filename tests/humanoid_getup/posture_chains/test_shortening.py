@@ -5,17 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.optimization import MARGIN, TrajectoryOptimizer
+from humanoid_getup.motions.target_search import FoundTargets, TargetSearch
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains import motion_maker
+from humanoid_getup.posture_chains.goal import PostureGoal
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, choose_version
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
 from humanoid_getup.posture_chains.shortening import (
     WORLDS,
     Shortener,
     find_rests,
+    follow_targets,
     make_keyframes,
     thin,
 )
@@ -24,6 +28,7 @@ from robots import FULL_TORQUE
 from robots.body.limbs import Limbs
 from robots.body.squats import list_squats
 from robots.body.statics import Statics
+from robots.quaternion import Array
 
 REST = 0.3
 
@@ -89,6 +94,32 @@ def test_shorter_versions_stand_and_lose_what_is_superfluous(world: World, chain
     assert Trial.of(world, versions[-1], chain.start, FULL_TORQUE).succeeded
 
 
+def test_shorter_versions_keep_the_posture_through_which_they_lead(
+    world: World, chain: PostureChain
+):
+    robot = world.robot
+    keyframes = make_keyframes(chain, robot, name="up", start_class="squat", rest=REST)
+    high = chain.moves[0].target
+    goal = PostureGoal(world, lay_down(world, "squat", high), high, touches=False)
+    scenarios = MARGIN.sample(world, chain.start, WORLDS, np.random.default_rng(0))
+    shortener = Shortener(world, scenarios, goal=goal, threads=1)
+    last = shortener.shorten(keyframes)[-1]
+    assert last.duration.sum() < keyframes.duration.sum()
+    assert goal.is_passed(Trial.of(world, last, chain.start, FULL_TORQUE).outcome.record)
+
+
+def test_keyframes_follow_varied_targets(world: World, chain: PostureChain):
+    robot = world.robot
+    keyframes = make_keyframes(chain, robot, name="up", start_class="squat", rest=REST)
+    targets = keyframes.targets(robot, 0.0)
+    followed = follow_targets(keyframes, targets, robot)
+    assert len(followed.keys) < len(targets) / 5
+    sent = followed.targets(robot, 0.0)
+    count = min(len(sent), len(targets))
+    assert np.abs(sent[:count] - targets[:count]).max() < 0.03
+    assert followed.name == "up"
+
+
 @pytest.mark.usefixtures("unshortened")
 def test_a_motion_of_a_chain_says_how_it_was_made(world: World, chain: PostureChain):
     maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, weakest=0.61, threads=1)
@@ -117,6 +148,33 @@ def test_a_rise_that_stands_too_rarely_is_slowed_down_as_far_as_it_must(
     made = maker.make(chain, REST, name="up", start_class="squat", improves=False)
     assert (made.motion is not None) == (needed < 2.0)
     assert made.duration == pytest.approx(pace * usual)
+
+
+@pytest.mark.usefixtures("unshortened")
+def test_a_rise_through_a_posture_that_stands_too_rarely_is_varied(
+    world: World, chain: PostureChain, monkeypatch: pytest.MonkeyPatch
+):
+    found = list[FoundTargets]()
+
+    def search(searching: TargetSearch, scenarios: Scenarios, target: Array, *_: object):
+        assert searching.experiment.compare(scenarios.take(np.arange(2)), [target]).stood.all()
+        found.append(
+            FoundTargets(
+                target=target.copy(), share=1.0, generations=1, rollouts=1, simulated=100.0
+            )
+        )
+        return found[-1]
+
+    monkeypatch.setattr(TargetSearch, "search", search)
+    judged = lambda *_, **__: (0.0, np.arange(48) < (48 if found else 40))  # noqa: E731
+    monkeypatch.setattr(TrajectoryOptimizer, "judge", judged)
+    high = chain.moves[0].target
+    goal = PostureGoal(world, lay_down(world, "squat", high), high, touches=False)
+    maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, weakest=0.61, goal=goal, threads=1)
+    made = maker.make(chain, REST, name="up", start_class="squat", improves=False)
+    assert made.motion is not None
+    assert len(found) == 1
+    assert maker.simulated == 100.0  # that of the search, as all else is patched
 
 
 @pytest.mark.usefixtures("unshortened")

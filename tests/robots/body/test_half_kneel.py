@@ -7,7 +7,7 @@ import pytest
 from humanoid_getup.experiments.disturbances import Scenarios
 from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.motions.motion_database import load_key
-from humanoid_getup.posture_chains.goal import Goal
+from humanoid_getup.posture_chains.goal import Goal, GoalExperiment
 from humanoid_getup.posture_chains.key_goal import settle
 from robots import FULL_TORQUE, Posture
 from robots.body import half_kneel
@@ -50,5 +50,9 @@ def test_the_robot_rests_there_on_its_knee_and_does_not_stand(op3, world, kneeli
     record = Experiment(world, threads=1).play(Scenarios.nominal(world, starts), held)
     assert goal.is_reached(record, 50).tolist() == [True, False]
     assert Goal(world).is_reached(record, 50).tolist() == [False, True]
-    assert goal.is_passed(record.qpos[0])
-    assert not goal.is_passed(record.qpos[1])
+    assert goal.is_passed(record).tolist() == [True, False]
+    stood = GoalExperiment(goal, world, threads=1).compare(
+        Scenarios.nominal(world, starts[1]), held
+    )
+    assert stood.record.upright[1].all()
+    assert not stood.stood.any()  # one kneels, and one stands but did not kneel before

@@ -8,7 +8,9 @@ from cma.recombination_weights import RecombinationWeights
 from humanoid_getup.experiments.disturbances import USUAL, Scenarios
 from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
-from humanoid_getup.filtering.search import (
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.preference import Preference
+from humanoid_getup.motions.target_search import (
     PARENTS,
     SAMPLES,
     EvolutionStrategy,
@@ -17,8 +19,6 @@ from humanoid_getup.filtering.search import (
     coarsen,
     pair_directions,
 )
-from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.motions.preference import Preference
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World, count_substeps
 from robots import TorqueLimit, load_robot

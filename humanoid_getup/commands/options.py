@@ -45,7 +45,7 @@ Origin = Annotated[
     ),
 ]
 NO_ORIGIN = "--from is missing, expected supine, prone, left, right or a posture file"
-Prefer = Literal["time", "torque", "impact", "robustness"]
+Prefer = Literal["time", "torque", "impact", "robustness", "natural"]
 PolicyName = Annotated[
     str, READ, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
 ]
@@ -218,7 +218,7 @@ class PlannerOptions(TorqueOptions):
     physics."""
     prefer: Prefer = "time"
     """What a planned rise should be besides successful: quick, with low torque, with small jolts
-    (of the neck, not of the head alone), or with a margin against disturbances."""
+    (of the neck, not of the head alone), with a margin against disturbances, or without detours."""
     planning: bool = True
     """Plan a collision-free path to the rising motion; otherwise interpolate."""
     filtering: bool = True

@@ -174,6 +174,9 @@ class RiseFigures(StyleFigures):
     peak_braking_torque_nm: float | None = None
     peak_velocity_rad_s: float | None = None
     neck_delta_v_m_s: float | None = None
+    detour_rad: float | None = None
+    height_lost: float | None = None
+    jerk_rad_s3: float | None = None
     played: bool | UnsetType = UNSET
     """Whether it was played to its end; this and the fields below only without an IMU."""
     without_imu: bool | UnsetType = UNSET

@@ -10,7 +10,7 @@ import numpy as np
 from humanoid_getup.experiments.judging.outcome import Outcome
 from robots.quaternion import Array
 
-PreferenceName = Literal["time", "torque", "impact", "robustness"]
+PreferenceName = Literal["time", "torque", "impact", "robustness", "natural"]
 PREFERENCE_NAMES: tuple[PreferenceName, ...] = get_args(PreferenceName)
 
 
@@ -26,6 +26,12 @@ class Preference:
     """Of 1 N·m, driving or braking."""
     neck_delta_v: float = 0.0
     """Of 1 m/s by which the neck's velocity changes at once."""
+    detour: float = 0.0
+    """Of 1 rad by which the torso turns beyond the direct way."""
+    height_lost: float = 0.0
+    """Of a standing height by which the neck sinks again."""
+    jerk: float = 0.0
+    """Of 1000 rad/s³ RMS."""
     collision: float = 1.0
     """Of any firm self-contact, however often."""
     overlap: float = 1000.0
@@ -64,6 +70,14 @@ class Preference:
             + self.neck_delta_v * np.asarray(outcome.neck_delta_v)
             + self.collision * np.asarray(outcome.collides)
             + self.overlap * np.asarray(outcome.overlap)
+            + (self._weigh_detours(outcome) if self.detour else 0.0)
+        )
+
+    def _weigh_detours(self, outcome: Outcome) -> Array:
+        return (
+            self.detour * outcome.detour
+            + self.height_lost * outcome.height_lost
+            + self.jerk * outcome.jerk / 1000.0
         )
 
 
@@ -72,4 +86,5 @@ PREFERENCES: dict[PreferenceName, Preference] = {
     "torque": Preference(time=0.1, rms_torque=8.0, peak_torque=1.0, always_improves=True),
     "impact": Preference(time=0.1, rms_torque=2.0, neck_delta_v=10.0, always_improves=True),
     "robustness": Preference(time=0.3, wants_margin=True),
+    "natural": Preference(time=0.3, detour=1.0, height_lost=4.0, jerk=0.2),
 }

@@ -28,6 +28,7 @@ from robots.quaternion import Array
 DEEP_OVERLAP = 0.0001  # m; contacts are stiff: a touch this deep is firm, a collision
 APART = 0.1  # s after which a collision or violation counts again
 LIMIT_SLACK = np.radians(1.0)  # a soft joint stop yields this much
+STRIDE = 0.1  # s between the samples of a detour
 WINDOW = 25  # samples over which a robot has to be nearly upright to make progress
 
 FIGURES = {
@@ -44,6 +45,9 @@ FIGURES = {
     "head_impact_m_s": "head_impact",
     "torso_impact_m_s": "torso_impact",
     "neck_delta_v_m_s": "neck_delta_v",
+    "detour_rad": "detour",
+    "height_lost": "height_lost",
+    "jerk_rad_s3": "jerk",
 }
 """Figures of load and contact, by their keys in reports."""
 
@@ -215,6 +219,35 @@ class Outcome:
         at = np.arange(2, record.neck.shape[-2])
         return np.where(at < self.rising[..., np.newaxis], change, 0.0).max(axis=-1, initial=0.0)
 
+    @cached_property
+    def detour(self) -> Array:
+        """Return the angle by which the torso turned on the way up, beyond the direct one [rad]."""
+        turns, last = self._sample_rising(self.record.orientation)
+        if not turns.shape[-2]:
+            return np.zeros(turns.shape[:-2])[()]
+        steps = _measure_turns(turns[..., :-1, :], turns[..., 1:, :])
+        end = np.take_along_axis(turns, last[..., np.newaxis, np.newaxis], axis=-2)[..., 0, :]
+        return _sum_until(steps, last) - _measure_turns(turns[..., 0, :], end)
+
+    @cached_property
+    def height_lost(self) -> Array:
+        """Return the height by which the neck sank again on the way up [standing heights]."""
+        heights, last = self._sample_rising(self.record.stance.neck_height[..., np.newaxis])
+        sunk = np.maximum(-np.diff(heights[..., 0], axis=-1), 0.0)
+        return _sum_until(sunk, last) / self.robot.standing_neck_height
+
+    @cached_property
+    def jerk(self) -> Array:
+        """Return the RMS jerk on the way up, over all joints [rad/s³]."""
+        change = np.diff(self.record.joint_vel, n=2, axis=-2) / self.record.period**2
+        return compute_rms(np.mean(change**2, axis=-1), np.maximum(self.rising - 2, 1))
+
+    def _sample_rising(self, rows: Array) -> tuple[Array, Counts]:
+        """Sample rows (..., T, k) on the way up; return them, and the place of the last."""
+        step = max(round(STRIDE / self.record.period), 1)
+        some = rows[..., ::step, :]
+        return some, np.clip(self.rising // step, 0, max(some.shape[-2] - 1, 0))
+
     @property
     def qpos(self) -> Array:
         """Return the MuJoCo positions, (..., T, nq)."""
@@ -236,6 +269,16 @@ class Outcome:
         apart = round(APART / self.record.period)
         present = present & (np.arange(present.shape[-1]) < self.record.cycles[..., np.newaxis])
         return count_episodes(present, apart)
+
+
+def _measure_turns(q1: Array, q2: Array) -> Array:
+    """Measure the angle between orientations (..., 4) [rad], (...)."""
+    return 2.0 * np.arccos(np.minimum(np.abs(np.sum(q1 * q2, axis=-1)), 1.0))
+
+
+def _sum_until(steps: Array, last: Counts) -> Array:
+    """Sum the first ``last`` of some steps (..., T), (...)."""
+    return np.where(np.arange(steps.shape[-1]) < last[..., np.newaxis], steps, 0.0).sum(axis=-1)
 
 
 def count_rising(stand: Stand, period: float, cycles: Counts | int) -> Counts:

@@ -1,4 +1,4 @@
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -138,6 +138,9 @@ class Figures:
     rms_torque: np.ndarray
     neck_delta_v: np.ndarray
     overlap: np.ndarray
+    detour: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    height_lost: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    jerk: np.ndarray = field(default_factory=lambda: np.zeros(1))
     peak_braking_torque: float = 0.0
 
     @property

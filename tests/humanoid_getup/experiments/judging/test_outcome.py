@@ -17,6 +17,7 @@ from humanoid_getup.experiments.judging.outcome import (
 from humanoid_getup.experiments.judging.standing import Stance
 from humanoid_getup.experiments.judging.torque import LONG_SATURATION
 from robots import Robot
+from robots.quaternion import from_axis_angle
 
 PERIOD = 0.01
 
@@ -205,3 +206,25 @@ def test_a_knock_is_the_largest_change_of_the_necks_velocity(tiny: Robot):
     outcome = judge(tiny, 20, neck=neck, upright=lying(20))
     assert outcome.neck_delta_v == pytest.approx(np.sqrt(5.0))
     assert judge(tiny, 2, neck=neck[:2]).neck_delta_v == 0.0
+
+
+def test_a_detour_is_what_the_torso_turns_beyond_the_direct_way(tiny: Robot):
+    """It turns by 90°, back by 60° and on by 30°: 180° in all, 60° directly."""
+    angle = np.radians(np.concatenate([np.linspace(0, 90, 91), np.linspace(89, 30, 60)]))
+    angle = np.concatenate([angle, np.radians(np.linspace(31, 60, 30))])
+    count = len(angle)
+    qpos = np.zeros((count, 7 + tiny.n))
+    qpos[:, 3:7] = from_axis_angle(np.array([0.0, 1.0, 0.0]), angle)
+    outcome = judge(tiny, count, qpos=qpos, upright=lying(count))
+    assert outcome.detour == pytest.approx(np.radians(120.0), abs=np.radians(12.0))
+    direct = judge(tiny, 91, qpos=qpos[:91], upright=lying(91))
+    assert direct.detour == pytest.approx(0.0, abs=1e-6)
+
+
+def test_height_is_lost_where_the_neck_sinks_before_the_stand(tiny: Robot):
+    height = np.concatenate([np.linspace(0.2, 0.8, 100), np.linspace(0.8, 0.5, 100)])
+    risen = np.concatenate([height, np.linspace(0.5, 1.0, 100), np.linspace(1.0, 0.9, 400)])
+    upright = np.arange(700) >= 300
+    outcome = judge(tiny, 700, stance=stance(tiny, risen), upright=upright)
+    assert outcome.height_lost == pytest.approx(0.3, abs=0.03), "not what it sways in the stand"
+    assert judge(tiny, 0).height_lost == judge(tiny, 0).detour == 0.0

@@ -25,6 +25,8 @@ EndClass = Literal["supine", "prone", "left", "right", "standing"]
 STANDING = "standing"
 FOUND = "found"
 """Strategy of a motion that was found in physics, and name of one that is not stored."""
+CAPTURED = "motion capture"
+"""Strategy of a motion of a person."""
 NO_END = "other"
 END_CLASSES: tuple[str, ...] = (*get_args(EndClass), NO_END)
 MIRRORED_CLASS: dict[str, Literal["left", "right"]] = {"left": "right", "right": "left"}

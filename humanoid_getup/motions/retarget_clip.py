@@ -15,6 +15,7 @@ from humanoid_getup.clips.clip import Clip, ClipBody, ClipLayout, read_body
 from humanoid_getup.experiments.falls import classify
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from humanoid_getup.motions.motion import (
+    CAPTURED,
     MAX_DURATION,
     NO_END,
     STANDING,
@@ -24,7 +25,7 @@ from humanoid_getup.motions.motion import (
 )
 from robots import Robot, quaternion
 from robots.body.limb_solver import LimbSolver, Trunk
-from robots.body.limbs import LIMB_NAMES, LimbName, LimbPose, Limbs
+from robots.body.limbs import LimbName, LimbPose, Limbs
 from robots.body.parts import leg_length
 from robots.kinematics import lowest_points, place_postures
 from robots.quaternion import Array
@@ -49,6 +50,8 @@ class RetargetedClip:
     have been too fast."""
     angle: dict[LimbName, Array]
     """Angle between the directions of the upper and of the lower limb [rad], (T, 2)."""
+    limbs: dict[LimbName, Array]
+    """Directions of the clip's upper and lower limbs in the torso's frame, (T, 2, 3)."""
     bound: dict[str, float]
     """Joints that are at an end of their range, and the share of the frames."""
     layout: ClipLayout | None = None
@@ -101,11 +104,13 @@ class ClipRetargeter:
         paced, slowdown = self._pace(poses)
         motion = self._make_motion(paced, name, clip, clip.time[rows], is_finished=finish)
         near = np.minimum(angles - self.robot.lower, self.robot.upper - angles) < ON_LIMIT
+        limbs = self._read_limbs(body, rows)
         share = zip(self.robot.joint_names, near.mean(axis=0).tolist(), strict=True)
         return RetargetedClip(
             motion=motion,
             slowdown=slowdown,
-            angle=self._measure(body, rows, angles),
+            angle=self._measure(limbs, angles),
+            limbs=limbs,
             bound={joint: part for joint, part in share if part >= BOUND_SHARE},
             layout=clip.layout,
         )
@@ -128,22 +133,28 @@ class ClipRetargeter:
     def _torso(self, body: ClipBody) -> Array:
         return body.torso if self._trunk.is_stiff else body.pelvis
 
-    def _measure(self, body: ClipBody, rows: Frames, angles: Array) -> dict[LimbName, Array]:
+    def _read_limbs(self, body: ClipBody, rows: Frames) -> dict[LimbName, Array]:
+        """Read the directions of the limbs that body and robot have, (T, 2, 3) of each."""
+        torso = self._torso(body)
+        poses: dict[LimbName, list[LimbPose]] = {
+            name: [track.pose(row, torso[row]) for row in rows]
+            for name, track in body.limbs.items()
+            if name in self._limbs.all
+        }
+        return {name: np.array([[p.upper, p.lower] for p in poses[name]]) for name in poses}
+
+    def _measure(self, limbs: dict[LimbName, Array], angles: Array) -> dict[LimbName, Array]:
         """Measure the angles between the limbs of body and robot [rad], (T, 2) of each."""
         found = [self._limbs.measure(row) for row in angles]
-        torso = self._torso(body)
-        deviation: dict[LimbName, Array] = {}
-        for name in LIMB_NAMES:
-            if name not in self._limbs.all or name not in body.limbs:
-                continue
-            wanted = [body.limbs[name].pose(row, torso[row]) for row in rows]
-            deviation[name] = np.array(
+        return {
+            name: np.array(
                 [
-                    [_angle(a.upper, b[name].upper), _angle(a.lower, b[name].lower)]
-                    for a, b in zip(wanted, found, strict=True)
+                    [_angle(upper, pose[name].upper), _angle(lower, pose[name].lower)]
+                    for (upper, lower), pose in zip(wanted, found, strict=True)
                 ]
             )
-        return deviation
+            for name, wanted in limbs.items()
+        }
 
     def _pose(self, clip: Clip, body: ClipBody, rows: Frames, angles: Array) -> Trajectory:
         size = leg_length(self.robot) / clip.leg_length
@@ -212,7 +223,7 @@ class ClipRetargeter:
             robot=self.robot.name,
             start_class=self._classify(poses, 0),
             end_class=STANDING if is_finished else NO_END if end == "squat" else end,
-            strategy="motion capture",
+            strategy=CAPTURED,
             time=poses.time,
             position=poses.position,
             orientation=poses.orientation,

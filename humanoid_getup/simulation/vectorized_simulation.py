@@ -84,6 +84,16 @@ class VecSim:
         """Make MjData fields readable, starting with the next call that computes them."""
         self._data |= {name: self.batch.bind(name) for name in names}
 
+    def bind_state(self) -> dict[str, Array]:
+        """Return live views of all that worlds of like parameters go on from, (N, ...) each."""
+        names = ["time", "qpos", "qvel", "qacc_warmstart"]
+        names += ["history"] if self._delays.exist else []
+        self.bind(*names)
+        driven = ["actuator_gainprm", "actuator_forcerange"] if self.robot.supply_resistance else []
+        if not self.gears.is_constant:
+            driven += [name for name in self._fields if name.endswith("_frictionloss")]
+        return {n: self._data[n] for n in names} | {n: self._fields[n] for n in driven}
+
     @property
     def qpos(self) -> Array:
         """Return a copy of the MuJoCo positions, (N, nq)."""

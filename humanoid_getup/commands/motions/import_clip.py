@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -15,12 +15,19 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.clips.clip_file import ACCLAIM, CLIPS, SKELETON, read_clip
 from humanoid_getup.commands.command import command
-from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, refusing
 from humanoid_getup.commands.files import MADE, READ, find_file_problems
 from humanoid_getup.commands.inputs import load_robot
-from humanoid_getup.commands.options import ClipOptions, RobotOption
+from humanoid_getup.commands.options import ClipOptions, RobotOption, Seed
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.retarget_clip import ClipRetargeter, RetargetedClip
 from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.simulation.world import World
+from robots import Robot
+from robots.storage.validation import between
+
+if TYPE_CHECKING:
+    from humanoid_getup.strategies.captured_rise import CapturedRise
 
 EXPECTED = "a .bvh, .amc, .json or .txt file, or FILE.asf FILE.amc"
 NOT_OF_NAMES = re.compile(r"[^\w.-]+")
@@ -32,7 +39,8 @@ SLOWED = 1.005  # times its duration, from which a motion counts as slowed down
 class ClipRequest(ClipOptions, RobotOption):
     """Make a motion of a robot from a clip: its limbs point as those of the body.
 
-    The motion is made without physics: `getup play` shows whether it can be played.
+    The motion is made without physics: `getup play` shows whether it can be played. With --physics
+    targets are searched with which a simulated robot follows the clip and stands.
     """
 
     files: Annotated[Positional[tuple[Path, ...]], READ, arg(metavar="CLIP|FILE.asf FILE.amc")]
@@ -44,6 +52,12 @@ class ClipRequest(ClipOptions, RobotOption):
     """Time at which it ends [s]; default: its end."""
     finish: bool = False
     """End in the robot's stance, however the clip ends."""
+    physics: bool = False
+    """Make the motion physical: the robot follows the clip in simulation, in disturbed worlds too,
+    and ends in a held stand, by a stored rise of its own where the clip's end does not stand."""
+    search_budget: Annotated[float, between(1.0, 1e6, "s"), arg(metavar="S")] = 20_000.0
+    """Simulated time in which --physics follows and varies [s]."""
+    seed: Seed = 0
     name: str = ""
     """Name of the motion; default: that of the clip's file."""
     out: Annotated[Path | None, MADE, arg(metavar="FILE.npz")] = None
@@ -76,6 +90,9 @@ class ClipRequest(ClipOptions, RobotOption):
             given = " ".join(map(str, self.files)) or "missing"
             yield f"the clip is {given}, expected {EXPECTED}"
             return
+        made = (self.seed, self.search_budget) != (ClipRequest.seed, ClipRequest.search_budget)
+        if made and not self.physics:
+            yield "--seed or --search-budget is given, expected --physics with it"
         if self.rate is not None and kinds[-1] != ACCLAIM:
             yield f"--rate is given, expected none with a {kinds[-1]} file: it says its own"
         begin, end = self.begin or 0.0, math.inf if self.end is None else self.end
@@ -89,10 +106,33 @@ class ClipRequest(ClipOptions, RobotOption):
             yield from find_file_problems(self.target)
 
 
-def describe(found: RetargetedClip) -> dict[str, Any]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImportedClip:
+    """A clip as a motion of a robot."""
+
+    clip: RetargetedClip
+    rise: CapturedRise | None
+    """What physics made of it; None where that was not asked for."""
+
+    @property
+    def motion(self) -> Motion:
+        """Return the motion that was written."""
+        return self.rise.motion if self.rise else self.clip.motion
+
+
+def describe(imported: ImportedClip) -> dict[str, Any]:
     """Describe a motion made from a clip, and the deviation of its limbs, for JSON."""
-    motion, (limb, largest) = found.motion, found.largest_angle
-    return {
+    motion, found, rise = imported.motion, imported.clip, imported.rise
+    limb, largest = found.largest_angle
+    physics = rise and {
+        "stood_share": rise.share,
+        "limb_error_deg": math.degrees(rise.limb_error),
+        "overlap_mm": 1000.0 * rise.overlap,
+        "duration_s": rise.motion.duration,
+        "joined": rise.joined or None,
+        "simulated_s": rise.simulated,
+    }
+    return (physics or {}) | {
         "name": motion.name,
         "robot": motion.robot,
         "start_class": motion.start_class,
@@ -112,28 +152,41 @@ def describe(found: RetargetedClip) -> dict[str, Any]:
 
 
 @command("mocap import", json=describe)
-def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> RetargetedClip:
-    """Retarget the clip, and write the motion to the request's target."""
+def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> ImportedClip:
+    """Retarget the clip, make it physical if asked for, and write the motion to the target."""
     robot = load_robot(request)
     monitor.begin("reading")
     with refusing():
         clip = read_clip(request.clip, request.skeleton, **request.reading())
-    found = ClipRetargeter(robot).retarget(
-        clip,
-        name=request.motion_name,
-        begin=request.begin or 0.0,
-        end=math.inf if request.end is None else request.end,
-        finish=request.finish,
-        report=lambda share: monitor.begin(f"pointing the limbs: {share:.0%}"),
-    )
+        found = ClipRetargeter(robot).retarget(
+            clip,
+            name=request.motion_name,
+            begin=request.begin or 0.0,
+            end=math.inf if request.end is None else request.end,
+            finish=request.finish or request.physics,
+            report=lambda share: monitor.begin(f"pointing the limbs: {share:.0%}"),
+        )
+    rise = _make_rise(found, robot, request, monitor) if request.physics else None
+    imported = ImportedClip(clip=found, rise=rise)
     request.target.parent.mkdir(parents=True, exist_ok=True)
-    found.motion.save(request.target)
-    return found
+    imported.motion.save(request.target)
+    return imported
+
+
+def _make_rise(
+    clip: RetargetedClip, robot: Robot, request: ClipRequest, monitor: ProgressMonitor
+) -> CapturedRise:
+    """Make a clip physical."""
+    from humanoid_getup.strategies.captured_rise import CapturedRiseMaker  # slow to import
+
+    maker = CapturedRiseMaker(World(robot), budget=request.search_budget, monitor=monitor)
+    return maker.make(clip, request.seed)
 
 
 @import_clip.show
-def _print(found: RetargetedClip, request: ClipRequest, console: Console) -> None:
-    motion, (limb, largest) = found.motion, found.largest_angle
+def _print(imported: ImportedClip, request: ClipRequest, console: Console) -> int:
+    found, motion = imported.clip, imported.motion
+    limb, largest = found.largest_angle
     lines = [
         f"{request.clip.name}: {found.layout}",
         f"{motion.name}: {motion.duration:.2f} s from {motion.start_class} to {motion.end_class}",
@@ -146,7 +199,10 @@ def _print(found: RetargetedClip, request: ClipRequest, console: Console) -> Non
         bound = sorted(found.bound.items(), key=lambda pair: -pair[1])
         listed = ", ".join(f"{joint} {share:.0%}" for joint, share in bound)
         lines.append(f"joints at an end of their range, share of the frames: {listed}")
+    if imported.rise:
+        lines.append(str(imported.rise))
     robot_option = "" if request.robot == "op3" else f" --robot {request.robot}"
     lines.append(f"written to {request.target}; next: getup play {request.target}{robot_option}")
     for line in lines:
         console.print(escape(line), soft_wrap=True)
+    return DID_IT if imported.rise is None or imported.rise.is_sound else DID_NOT_STAND

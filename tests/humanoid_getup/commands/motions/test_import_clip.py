@@ -8,8 +8,9 @@ import pytest
 from human_clips import PERIOD, write_human_bvh
 from run_getup import Run
 
+from humanoid_getup.commands.errors import DID_NOT_STAND
 from humanoid_getup.commands.motions.import_clip import ClipRequest, import_clip
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import NO_END, Motion
 from robots import load_robot
 
 
@@ -48,3 +49,17 @@ def test_with_finish_and_a_name_it_is_a_rise_that_is_written_where_asked(tmp_pat
     motion = Motion.load(out)
     assert (motion.name, motion.robot, motion.rises) == ("mine", "op3", True)
     assert motion.provenance["clip"] == "clip.bvh"
+
+
+def test_a_clip_that_physics_brings_to_no_stand_is_told_with_how_near_it_came(
+    run: Run, tmp_path: Path
+):
+    write_human_bvh(tmp_path / "clip.bvh")
+    wanted = ("mocap", "import", "clip.bvh", "--physics", "--search-budget", "1")
+    code, out, error = run(*wanted, "--json", "figures.json")
+    assert (code, error) == (DID_NOT_STAND, "")
+    assert "in physics it stands in 0 of 16 disturbed worlds" in out
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert figures["stood_share"] == 0.0
+    assert figures["end_class"] == Motion.load(tmp_path / "clip.npz").end_class == NO_END
+    assert figures["limb_error_deg"] > 0.0 <= figures["overlap_mm"]

@@ -166,6 +166,7 @@ class SceneWithLoad(Scene):
             site = spec.site(self.hand) if self.hand else None
             load = (site.parent if site else spec.body(robot.torso)).add_body(name="load")
             load.pos = site.pos if site else float(spec.site(robot.neck_site).pos[2]) * BACK
+            load.ipos = np.zeros(3)  # MuJoCo's own would be pos
             load.mass = self.load
             load.inertia = np.full(3, self.load * (2.0 * LOAD_SIZE) ** 2 / 6.0)
             load.explicitinertial = True

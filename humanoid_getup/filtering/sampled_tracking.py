@@ -39,6 +39,7 @@ SPEED_SHARE = 0.9  # of the servos' speed
 OVER_GROUND, HEIGHT, TILT, ANGLES = 60.0, 120.0, 3.0, 0.5
 MOMENTUM, BALANCE, OFFSETS = 10.0, 0.5, 0.02
 OVERLAP, FREE_OVERLAP = 300.0, 0.001  # in itself, beyond so many meters
+MOST_OVERLAP = 4.0  # cost: a clip may begin with a limb inside another
 WORST = 0.5  # weight of the worst of several worlds, beside the mean
 PAST = 0.5  # weight of the cost so far
 FOOTPRINT = 0.06  # neck heights; unit of the capture point's distance from the feet
@@ -267,7 +268,7 @@ class SampledTracker:
         cost = (OVER_GROUND * apart + HEIGHT * above) / height**2
         cost += TILT * tilt**2 + ANGLES * angles + MOMENTUM * momentum
         overlap = np.maximum(-sim.read("sensordata")[:, self._overlap] - FREE_OVERLAP, 0.0)
-        cost += OVERLAP * overlap / height
+        cost += np.minimum(OVERLAP * overlap / height, MOST_OVERLAP)
         if goal.is_last:
             feet = sim.read("site_xpos")[:, self._kinematics.soles, :2].mean(axis=1)
             fall = np.sqrt(np.maximum(com[:, 2:], 0.05 * height) / GRAVITY)

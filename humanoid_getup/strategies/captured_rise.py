@@ -17,13 +17,13 @@ from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.filtering.sampled_tracking import Branches, SampledTracker
-from humanoid_getup.filtering.search import TargetSearch, coarsen
 from humanoid_getup.motions.build import NoEntryError, with_entries
 from humanoid_getup.motions.course import Course, record_motion
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion, hold_last
 from humanoid_getup.motions.motion_database import MotionDatabase, list_motions, load_database
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.retarget_clip import RetargetedClip
+from humanoid_getup.motions.target_search import TargetSearch, coarsen
 from humanoid_getup.motions.time_alignment import measure_limb_error
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
@@ -43,7 +43,7 @@ JUDGED = 16  # disturbed worlds
 HAND_NEAR = 0.2, 0.15  # neck heights over the ground: hands are straight, and flat
 EASE = 0.3  # s over which a hand turns
 JOIN_PERIOD = 0.25  # s of the clip for each place at which a stored rise may be joined
-JOIN_FROM = 0.33  # share of the clip before it
+JOIN_FROM = 0.5  # share of the clip before it: with less, it would be no rise of the clip's
 BRIDGE = 0.4  # s from the clip to the stored rise
 BEFORE_STAND = 0.8  # s before the stand of a stored rise within which it is not joined
 SETTLING = 1.8  # s after a bridge from which the robot should balance over its feet

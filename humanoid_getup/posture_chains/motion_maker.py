@@ -27,12 +27,7 @@ from humanoid_getup.posture_chains.goal import Goal, GoalExperiment
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import KindNamer
-from humanoid_getup.posture_chains.shortening import (
-    WORLDS,
-    Shortener,
-    follow_targets,
-    make_keyframes,
-)
+from humanoid_getup.posture_chains.shortening import WORLDS, Shortener, make_keyframes, thin
 from humanoid_getup.posture_chains.ways_up import check_lifting
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
@@ -48,6 +43,7 @@ WORTH = 0.3  # share from which a rise is slowed down and improved
 SLOWER = (1.2, 1.5)  # factors on all times of a rise that does not stand often enough
 LONG = 6.0  # s for OP3, from which it is not
 VARIED, VARYING = 24, 6000.0  # worlds, and s simulated, in which rises through a goal are varied
+HELD, CLOSE = 0.1, 0.02  # s after their last key, and rad by which keyframes may differ from them
 JUDGED = 6  # of the ever shorter versions of a chain, at most
 
 
@@ -176,12 +172,11 @@ class MotionMaker:
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
         search = TargetSearch(coarse, preference=Preference(time=1.0))
         search.experiment = GoalExperiment(self._goal, coarse, threads=self._threads)
-        targets = keyframes.targets(world.robot, 0.0)
-        varied = search.search(scenarios, targets, VARYING, rng)
+        varied = search.search(scenarios, keyframes.targets(world.robot, HELD), VARYING, rng)
         self.simulated += varied.simulated
-        if varied.target is targets:
-            return found
-        better = self._judge(follow_targets(keyframes, varied.target, world.robot), optimizer)
+        duration = np.full(len(varied.target) - 1, world.robot.control_period)
+        dense = replace(keyframes, keys=varied.target, duration=duration)
+        better = self._judge(thin(dense, CLOSE), optimizer)
         return max(found, better, key=lambda each: each.share)
 
     def _judge(self, keyframes: Keyframes, optimizer: TrajectoryOptimizer) -> MadeMotion:

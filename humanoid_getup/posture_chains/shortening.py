@@ -42,7 +42,8 @@ def make_keyframes(
         at = invert_smooth_step(np.linspace(0.0, 1.0, len(move.knots) + 1))
         durations += [*move.duration * np.diff(at), rest]
     keys[-1] = robot.standing.joint_pos
-    free = _find_free(np.array(keys), robot)
+    moving = np.flatnonzero(np.ptp(keys, axis=0) > STILL)
+    free = np.union1d(moving, robot.mirror_index[moving])
     return Keyframes(
         name=name,
         start_class=start_class,
@@ -55,21 +56,6 @@ def make_keyframes(
         time_cost=TIME_COST,
         torque_cost=TORQUE_COST,
     )
-
-
-def follow_targets(keyframes: Keyframes, targets: Array, robot: Robot) -> Keyframes:
-    """Give keyframes the keys of a curve through targets (T, n) [rad]."""
-    time = np.linspace(0.0, robot.control_period * (len(targets) - 1), len(targets))
-    kept = choose_keys(time, targets, TOLERANCES[-1])
-    keys = np.concatenate([targets[kept[:-1]], robot.standing.joint_pos[None]])
-    free = _find_free(keys, robot)
-    mirrored = np.zeros(len(free), dtype=bool)
-    return replace(keyframes, keys=keys, duration=np.diff(time[kept]), free=free, mirrored=mirrored)
-
-
-def _find_free(keys: Array, robot: Robot) -> NDArray[np.int_]:
-    moving = np.flatnonzero(np.ptp(keys, axis=0) > STILL)
-    return np.union1d(moving, robot.mirror_index[moving])
 
 
 WORLDS = 8  # in which a shortened rise is tried

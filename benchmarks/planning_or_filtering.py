@@ -73,7 +73,7 @@ class Quality:
     """Mean distance from the nearest captured rise, aligned in time; None without another one."""
 
 
-def measure_quality(world: World, motion: Motion, captured: Sequence[Motion]) -> Quality:
+def measure_quality(world: World, motion: Motion, captured: Sequence[Motion] = ()) -> Quality:
     """Measure a motion as it is, on flat ground, and its distance from other, captured ones."""
     robot, model = world.robot, world.scene.compile(world.robot)
     model.geom_margin[model.geom(GROUND).id] = NEAR

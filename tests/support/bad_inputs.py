@@ -119,7 +119,7 @@ rise --from supine --method policy --prefer torque --search-budget 5
     | --prefer torque and --search-budget: expected --method plan or auto
 rise --from supine --no-filtering --prefer impact
     | --prefer impact: expected filtering, not --no-filtering
-rise --from supine --prefer luck | --prefer is 'luck', expected time, torque, impact or robustness
+rise --from supine --prefer luck | --prefer is 'luck', expected time, torque, impact, robustness or natural
 rise --from supine --search-budget 0 | --search-budget is 0 s, expected 0.001 to
 rise --from supine --search-budget nan | --search-budget is nan s
 rise --from supine --search-budget long | --search-budget is 'long' | a number
@@ -282,6 +282,7 @@ mocap import text.amc | text.asf: No such file or directory
 mocap import headless.bvh | it has no neck, expected a joint lowerneck, Neck
 mocap import upright.bvh | it has no left shoulder, expected a joint lhumerus
 mocap import human.bvh --robot human --begin 0.3 | it lasts 0.10 s, expected two
+mocap import human.bvh --seed 3 | --seed or --search-budget is given, expected --physics
 mocap import short.bvh | it lasts 0.00 s, expected two frames or more
 mocap import human.bvh --begin 3 --end 1 | --begin is 3 s, expected before --end, 1 s
 mocap import human.bvh --begin -1 | --begin is -1 s | times from 0 s on

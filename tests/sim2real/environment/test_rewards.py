@@ -176,7 +176,8 @@ def test_a_moment_is_counted_in_the_robots_own_measures(op3, world, falls):
     assert state.sole_heights == pytest.approx(np.full((1, 2), 0.1), abs=0.01)
     assert state.sole_distance == pytest.approx([0.0], abs=0.1)
     assert state.upright == pytest.approx([1.0], abs=0.02)
-    assert (state.standing.tolist(), state.non_foot_contact.tolist()) == ([True], [False])
+    assert not state.standing[0], "in the air"
+    assert not state.non_foot_contact[0]
     assert state.fall_speed == pytest.approx([0.3 / size])
     assert state.head_fall == pytest.approx([0.3 / size])
     turning = place_one(op3, world, standing, joints=op3.max_velocity).measure_privileged_state()

@@ -44,8 +44,9 @@ def test_rises_survive_the_trip_through_a_file(op3, rises, tmp_path):
     assert again.joint_target == pytest.approx(rises.joint_target, abs=1e-6)
     curves = again.curves(2)
     assert curves.duration == pytest.approx(21 * PERIOD)
-    assert curves.neck_height[-1] == pytest.approx(1.0, abs=0.01)
-    assert np.degrees(curves.front[[0, -1]]) == pytest.approx([0.0, 90.0], abs=0.1)
+    height, _, front = curves.values.T
+    assert height[-1] == pytest.approx(1.0, abs=0.01)
+    assert np.degrees(front[[0, -1]]) == pytest.approx([0.0, 90.0], abs=0.1)
 
 
 def test_what_is_encoded_is_decoded(rises, prior):

@@ -180,4 +180,4 @@ def test_files_of_other_things_are_no_styles(browser: "Browser", tmp_path: Path)
         window.open_tab("Style")
         window.find_input("Preset").click()
         options = window.page.get_by_role("option").all_inner_texts()
-    assert options == ["long-sit", "push-up", "side-sit", "sit-up", "mine.toml"]
+    assert options == ["long-sit", "push-up", "side-sit", "sit-up", "half-kneel", "mine.toml"]

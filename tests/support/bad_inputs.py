@@ -119,7 +119,8 @@ rise --from supine --method policy --prefer torque --search-budget 5
     | --prefer torque and --search-budget: expected --method plan or auto
 rise --from supine --no-filtering --prefer impact
     | --prefer impact: expected filtering, not --no-filtering
-rise --from supine --prefer luck | --prefer is 'luck', expected time, torque, impact, robustness or natural
+rise --from supine --prefer luck
+    | --prefer is 'luck', expected time, torque, impact, robustness or natural
 rise --from supine --search-budget 0 | --search-budget is 0 s, expected 0.001 to
 rise --from supine --search-budget nan | --search-budget is nan s
 rise --from supine --search-budget long | --search-budget is 'long' | a number

@@ -92,7 +92,7 @@ class Branches:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Goal:
+class Aim:
     """The recorded state at the end of a window."""
 
     target: Array
@@ -192,7 +192,7 @@ class SampledTracker:
         """Tell whether branches have followed a course to its end."""
         return branches.windows * self.cycles >= len(course) - 1
 
-    def _advance(self, branches: Branches, goal: Goal, around: Array | None) -> Branches:
+    def _advance(self, branches: Branches, goal: Aim, around: Array | None) -> Branches:
         """Simulate one window from some branches."""
         parents = np.arange(self._samples) % len(branches.cost)
         offset = self._draw(branches, parents, around)
@@ -253,7 +253,7 @@ class SampledTracker:
         shape = (self._samples, self._worlds, -1)
         return {name: live.reshape(shape)[rows] for name, live in self._state.items()}
 
-    def _weigh(self, goal: Goal, velocity: Array) -> Array:
+    def _weigh(self, goal: Aim, velocity: Array) -> Array:
         """Compute the cost of the states that samples have reached, (N,)."""
         sim, height = self._sim, self.robot.standing_neck_height
         qpos, com = sim.read("qpos"), sim.read("subtree_com")[:, self._torso]
@@ -289,7 +289,7 @@ class _Kinematics:
         self.bodies = np.flatnonzero(model.body_mass > 0.0)
         self.soles = [model.site(site).id for site in world.robot.sole_sites]
 
-    def aim(self, course: Course, frame: int, is_last: bool) -> Goal:
+    def aim(self, course: Course, frame: int, is_last: bool) -> Aim:
         """Compute the goal at a frame."""
         period = self._world.robot.control_period
         span = max(round(SLOPE_TIME / period), 1)
@@ -297,7 +297,7 @@ class _Kinematics:
         torso = self._world.robot.layout(self._world.model).torso
         moved = self._move(course, after).subtree_com - self._move(course, before).subtree_com
         data = self._move(course, frame)
-        return Goal(
+        return Aim(
             target=course.joint_target[frame],
             joint_pos=course.joint_pos[frame],
             up=-quaternion.gravity_in_body(course.orientation[frame]),

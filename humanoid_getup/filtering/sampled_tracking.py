@@ -3,7 +3,7 @@
 After Liu et al., "Sampling-based Contact-rich Motion Control", 2010: window by window, target
 offsets are sampled about the recorded angles and simulated from the best states so far, and the
 states nearest to the recorded ones are kept. It needs no model of contacts, and it may be done in
-several disturbed worlds at once, which makes the result bear them.
+several disturbed worlds at once, for targets that stand in all of them.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class Branches:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Aim:
+class WindowGoal:
     """The recorded state at the end of a window."""
 
     target: Array
@@ -121,16 +121,15 @@ class SampledTracker:
         window: float,
         rng: np.random.Generator,
         threads: int = 0,
-        budget: float = math.inf,
-        show: Callable[[float], None] = lambda _: None,
+        goes_on: Callable[[float], bool] = lambda _: True,
     ) -> None:
         """Prepare to track from the start of the scenarios, with some samples a window.
 
-        A window is as long as given [s] for a body as tall as a person. The simulated time [s],
-        for which there is a budget, is shown after each.
+        A window is as long as given [s] for a body as tall as a person. After each, ``goes_on`` is
+        told the simulated time [s], and ends the tracking by False.
         """
-        self._budget = budget
-        self.world, self.robot, self._rng, self._show = world, world.robot, rng, show
+        self.world, self.robot, self._rng = world, world.robot, rng
+        self._goes_on = goes_on
         self._samples, self._worlds = samples, len(scenarios.starts)
         self._everyone = np.arange(samples * self._worlds)
         self._sim = VecSim(world, len(self._everyone), threads=threads)
@@ -172,7 +171,7 @@ class SampledTracker:
     ) -> list[Branches]:
         """Track a course from where the branches are; return them, and those after each window.
 
-        It ends early where the postures are lost, or the budget is spent. From the frame
+        It ends early where the postures are lost, or on request. From the frame
         ``balance_from`` on the robot should balance over its feet. Offsets are sampled about those
         of an earlier run, (W, n), if any are given.
         """
@@ -183,8 +182,7 @@ class SampledTracker:
             window = followed[-1].windows
             about = around[window] if around is not None and window < len(around) else None
             followed.append(self._advance(followed[-1], goal, about))
-            self._show(self.simulated)
-            if followed[-1].cost.min() > LOST or self.simulated >= self._budget:
+            if not self._goes_on(self.simulated) or followed[-1].cost.min() > LOST:
                 break
         return followed
 
@@ -192,7 +190,7 @@ class SampledTracker:
         """Tell whether branches have followed a course to its end."""
         return branches.windows * self.cycles >= len(course) - 1
 
-    def _advance(self, branches: Branches, goal: Aim, around: Array | None) -> Branches:
+    def _advance(self, branches: Branches, goal: WindowGoal, around: Array | None) -> Branches:
         """Simulate one window from some branches."""
         parents = np.arange(self._samples) % len(branches.cost)
         offset = self._draw(branches, parents, around)
@@ -253,7 +251,7 @@ class SampledTracker:
         shape = (self._samples, self._worlds, -1)
         return {name: live.reshape(shape)[rows] for name, live in self._state.items()}
 
-    def _weigh(self, goal: Aim, velocity: Array) -> Array:
+    def _weigh(self, goal: WindowGoal, velocity: Array) -> Array:
         """Compute the cost of the states that samples have reached, (N,)."""
         sim, height = self._sim, self.robot.standing_neck_height
         qpos, com = sim.read("qpos"), sim.read("subtree_com")[:, self._torso]
@@ -289,7 +287,7 @@ class _Kinematics:
         self.bodies = np.flatnonzero(model.body_mass > 0.0)
         self.soles = [model.site(site).id for site in world.robot.sole_sites]
 
-    def aim(self, course: Course, frame: int, is_last: bool) -> Aim:
+    def aim(self, course: Course, frame: int, is_last: bool) -> WindowGoal:
         """Compute the goal at a frame."""
         period = self._world.robot.control_period
         span = max(round(SLOPE_TIME / period), 1)
@@ -297,7 +295,7 @@ class _Kinematics:
         torso = self._world.robot.layout(self._world.model).torso
         moved = self._move(course, after).subtree_com - self._move(course, before).subtree_com
         data = self._move(course, frame)
-        return Aim(
+        return WindowGoal(
             target=course.joint_target[frame],
             joint_pos=course.joint_pos[frame],
             up=-quaternion.gravity_in_body(course.orientation[frame]),

@@ -1,13 +1,11 @@
-"""Captured rises: a clip of a person made physical, on a body that is simulated."""
+"""Captured rises: targets with which a simulated robot follows a person's clip and stands."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 
 from humanoid_getup.experiments.disturbances import Scenarios
@@ -20,32 +18,25 @@ from humanoid_getup.filtering.sampled_tracking import Branches, SampledTracker
 from humanoid_getup.motions.build import NoEntryError, with_entries
 from humanoid_getup.motions.course import Course, record_motion
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion, hold_last
-from humanoid_getup.motions.motion_database import MotionDatabase, list_motions, load_database
+from humanoid_getup.motions.motion_database import list_motions, load_database
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.retarget_clip import RetargetedClip
 from humanoid_getup.motions.target_search import TargetSearch, coarsen
 from humanoid_getup.motions.time_alignment import measure_limb_error
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, quaternion
-from robots.body.limbs import ARMS, Limbs
-from robots.kinematics import lowest_points, place, place_postures
+from humanoid_getup.strategies.clip_course import BRIDGE, Join, bend_hands, find_joins, follow
+from robots import Posture
+from robots.kinematics import place
 from robots.quaternion import Array
-from robots.smooth_step import smooth_step
 
 SAMPLES = 400  # of a pass that looks for a way to follow the clip, undisturbed
 PASSES = 8  # of these, at most
-BACK = 20  # windows before the place where a pass lost the clip, from which the next samples anew
+BACK = 20  # windows before the loss of a clip, whose offsets the next pass discards
 LONG_WINDOW, SHORT_WINDOW = 0.1, 0.06  # s; short ones follow swings, long ones bear more
 MORE_SAMPLES, WORLDS = 160, 3  # of a pass in disturbed worlds
 MORE_PASSES = 3
-JUDGED = 16  # disturbed worlds
-HAND_NEAR = 0.2, 0.15  # neck heights over the ground: hands are straight, and flat
-EASE = 0.3  # s over which a hand turns
-JOIN_PERIOD = 0.25  # s of the clip for each place at which a stored rise may be joined
-JOIN_FROM = 0.5  # share of the clip before it: with less, it would be no rise of the clip's
-BRIDGE = 0.4  # s from the clip to the stored rise
-BEFORE_STAND = 0.8  # s before the stand of a stored rise within which it is not joined
+JUDGED = 16  # worlds of a check, the first undisturbed
 SETTLING = 1.8  # s after a bridge from which the robot should balance over its feet
 OWN_END = 0.75  # share of a clip from which it should
 ENOUGH = 0.9  # share of the disturbed worlds in which a rise stands that is kept
@@ -53,141 +44,15 @@ HOPEFUL = 0.5  # share from which no other end is tried before the targets are v
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Join:
-    """A place of a clip from which a stored rise leads to the stand."""
-
-    frame: int
-    """Of the clip."""
-    rise: Motion
-    entry: int
-    """Frame of the rise."""
-    distance: float
-    """Between the two, in the posture metric."""
-
-
-def bend_hands(course: Course, world: World, rises: Sequence[Motion]) -> Course:
-    """Bend the wrists while a hand is near the ground, as the robot's own rises do.
-
-    Clips know nothing of hands, and a body that leans on its fingertips stands too high.
-    """
-    robot = world.robot
-    limbs = Limbs(robot)
-    joint_pos = course.joint_pos.copy()
-    for name in ARMS:
-        if name not in limbs.all:
-            continue
-        wrist = [k for k in limbs.all[name].joints if robot.joints[k].segment == "wrist"]
-        if not wrist:
-            continue
-        flat = _find_flat(world, rises, wrist)
-        if flat is None:
-            continue
-        far, near = (share * robot.standing_neck_height for share in HAND_NEAR)
-        height = _measure_heights(course, world, wrist[-1])
-        share = np.clip((far - height) / (far - near), 0.0, 1.0)
-        width = max(round(EASE / robot.control_period), 1)
-        padded = np.pad(share, (width // 2, width - 1 - width // 2), mode="edge")
-        share = np.convolve(padded, np.full(width, 1.0 / width), "valid")
-        joint_pos[:, wrist] = share[:, None] * flat
-    bent = replace(course, joint_pos=joint_pos, joint_target=joint_pos)
-    qpos = place_postures(robot, world.model, bent.position, bent.orientation, joint_pos)
-    position = bent.position.copy()
-    position[:, 2] -= lowest_points(world.model, qpos)
-    return replace(bent, position=position)
-
-
-def _measure_heights(course: Course | Motion, world: World, joint: int) -> Array:
-    """Measure how high a joint of a robot is [m], (T,)."""
-    robot, model = world.robot, world.model
-    data, row = mujoco.MjData(model), model.joint(robot.joint_names[joint]).id
-    qpos = place_postures(robot, model, course.position, course.orientation, course.joint_pos)
-    height = np.zeros(len(qpos))
-    for k, one in enumerate(qpos):
-        data.qpos[:] = one
-        mujoco.mj_kinematics(model, data)
-        height[k] = data.xanchor[row, 2]
-    return height
-
-
-def _find_flat(world: World, rises: Sequence[Motion], wrist: list[int]) -> Array | None:
-    """Find the wrist angles with which a robot's rises lean on a hand [rad]."""
-    if not rises:
-        return None
-    near = HAND_NEAR[1] * world.robot.standing_neck_height
-    rows = [
-        rise.joint_target[_measure_heights(rise, world, wrist[-1]) < near][:, wrist]
-        for rise in rises
-    ]
-    angles = np.concatenate(rows)
-    return np.median(angles, axis=0) if len(angles) else None
-
-
-def find_joins(course: Course, database: MotionDatabase, period: float) -> list[Join]:
-    """Find where stored rises are nearest to a course: the best in each part of its time."""
-    metric = database.metric
-    first = round(JOIN_FROM * len(course))
-    step = max(round(0.04 / period), 1)
-    rows = np.arange(first, len(course), step)
-    parts = max(round((len(course) - first) * period / JOIN_PERIOD), 1)
-    best = list[Join | None]([None] * parts)
-    for rise in database.rising:
-        until = rise.duration if rise.stand_time is None else rise.stand_time
-        last = int(np.searchsorted(rise.time - rise.time[0], until - BEFORE_STAND))
-        entries = np.arange(0, max(last, 1), step)
-        distance = metric.distance(
-            rise.orientation[entries, None],
-            rise.joint_pos[entries, None],
-            course.orientation[None, rows],
-            course.joint_pos[None, rows],
-        )  # (E, R)
-        for part, columns in enumerate(np.array_split(np.arange(len(rows)), parts)):
-            some = distance[:, columns]
-            i, j = np.unravel_index(int(np.argmin(some)), some.shape)
-            found, known = float(some[i, j]), best[part]
-            if known is None or found < known.distance:
-                best[part] = Join(
-                    frame=int(rows[columns[j]]), rise=rise, entry=int(entries[i]), distance=found
-                )
-    return sorted((join for join in best if join), key=lambda join: join.distance)
-
-
-def follow(course: Course, join: Join, robot: Robot) -> Course:
-    """Continue a course by a stored rise, over a bridge."""
-    period = robot.control_period
-    before = course[: join.frame + 1]
-    rise = join.rise
-    at = np.arange(rise.time[join.entry], rise.time[-1] + 0.5 * period, period)
-    frames = np.clip(np.searchsorted(rise.time, at - 1e-6), 0, len(rise.time) - 1)
-    after = Course.aligned(rise, join.entry, before.end)[frames]
-    count = round(BRIDGE / period)
-    share = smooth_step(np.linspace(0.0, 1.0, count + 2)[1:-1])
-
-    def mix(a: Array, b: Array) -> Array:
-        return a + share[:, None] * (b - a)
-
-    bridge = Course(
-        position=mix(before.position[-1], after.position[0]),
-        orientation=quaternion.slerp(
-            np.tile(before.orientation[-1], (count, 1)),
-            np.tile(after.orientation[0], (count, 1)),
-            share,
-        ),
-        joint_pos=mix(before.joint_pos[-1], after.joint_pos[0]),
-        joint_target=mix(before.joint_target[-1], after.joint_target[0]),
-    )
-    return before.then(bridge).then(after)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class CapturedRise:
-    """A clip made physical, and how near it comes to a rise."""
+    """A clip followed in physics, and how near it comes to a rise."""
 
     motion: Motion
     """As it went undisturbed; its end class is "other" if it is not one to keep."""
     joined: str
     """Stored rise by which it ends; "" for the clip's own end."""
     stood: int
-    """Disturbed worlds in which it stands, of those that the search did not see."""
+    """Disturbed worlds in which it stands, of 16 that the search did not see."""
     overlap: float
     """Greatest depth to which the robot reaches into itself [m]."""
     limb_error: float
@@ -231,10 +96,26 @@ class _Found:
         return self.share + self.progress
 
 
-class CapturedRiseMaker:
-    """Makes retargeted clips of one robot physical.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Task:
+    """A clip on a robot that lies as it begins."""
 
-    Its states are tracked by sampling, in some disturbed worlds at once. A clip whose own end does
+    course: Course
+    joins: list[Join]
+    lying: Array
+    """MuJoCo positions, (nq,)."""
+    rng: np.random.Generator
+
+    @property
+    def balance_from(self) -> int:
+        """Return the frame from which the robot should balance over its feet."""
+        return round(OWN_END * len(self.course))
+
+
+class CapturedRiseMaker:
+    """Makes rises of retargeted clips of one robot.
+
+    A clip is tracked by sampling, in some disturbed worlds at once. A clip whose own end does
     not stand ends as the stored rise that comes nearest to it; then targets are varied until they
     stand in disturbed worlds.
     """
@@ -249,134 +130,119 @@ class CapturedRiseMaker:
     ) -> None:
         """Prepare for a budget of simulated time [s] for each clip."""
         self._world, self._budget = world, budget
-        self._database = load_database(world.robot) if list_motions(world.robot) else None
+        robot = world.robot
+        self._known = load_database(robot).rising if list_motions(robot) else ()
         self._threads, self._monitor = threads, monitor or ProgressMonitor()
         self._judge = Experiment(world, threads=threads)
         self._simulated = 0.0
 
     def make(self, clip: RetargetedClip, seed: int) -> CapturedRise:
-        """Make a retargeted clip physical."""
+        """Make a rise of a retargeted clip; the same seed gives the same rise."""
         world = self._world
-        known = self._database.rising if self._database else ()
+        own = clip.motion.provenance["clip"]
+        known = [rise for rise in self._known if rise.provenance.get("clip") != own]
         course = bend_hands(Course.of(clip.motion), world, known)
         start = find_rest(world, course[:1].end)
         lying = place(world.robot, world.model, start)
         rng = np.random.default_rng([seed, 0])
         self._simulated = 0.0
-        found = max(self._follow(course, lying, rng), key=lambda each: each.merit)
+        joins = find_joins(course, known, world.robot)
+        task = _Task(course=course, joins=joins, lying=lying, rng=rng)
+        found = max(self._follow(task), key=lambda each: each.merit)
         left = self._budget - self._simulated
         if 0.0 < found.share < 1.0 and left > 0.0:
             found = self._vary(found, lying, left, rng)
         return self._record(found, clip, start, seed)
 
-    def _follow(self, course: Course, lying: Array, rng: np.random.Generator) -> list[_Found]:
+    def _follow(self, task: _Task) -> list[_Found]:
         """Follow the clip at once in disturbed worlds; where that falls, first undisturbed."""
-        balance = round(OWN_END * len(course))
         nothing = np.zeros((0, self._world.robot.n))
-        found = self._follow_disturbed(course, balance, nothing, LONG_WINDOW, 1, lying, rng)
+        found = self._follow_disturbed(task, nothing, LONG_WINDOW, passes=1)
         if max(each.share for each in found) < HOPEFUL and self._simulated < self._budget:
-            around = self._find_way(course, balance, lying, rng)
-            found += self._follow_disturbed(
-                course, balance, around, SHORT_WINDOW, MORE_PASSES, lying, rng
-            )
+            around = self._find_way(task)
+            found += self._follow_disturbed(task, around, SHORT_WINDOW, passes=MORE_PASSES)
         return found
 
     def _follow_disturbed(
-        self,
-        course: Course,
-        balance: int,
-        around: Array,
-        window: float,
-        passes: int,
-        lying: Array,
-        rng: np.random.Generator,
+        self, task: _Task, around: Array, window: float, *, passes: int
     ) -> list[_Found]:
         """Follow the clip to its own end, and to those of stored rises, until one stands."""
-        period = self._world.robot.control_period
-        tracker = self._make_tracker(self._world, lying, WORLDS, MORE_SAMPLES, window, rng)
+        robot, course, start = self._world.robot, task.course, task.balance_from
+        tracker = self._make_tracker(self._world, task, WORLDS, MORE_SAMPLES, window)
         own, found = [tracker.start], list[_Found]()
         for _ in range(passes):
-            own = tracker.track(course, tracker.start, balance_from=balance, around=around)
-            found.append(self._try_out(own[-1], lying, "", rng))
+            own = tracker.track(course, tracker.start, balance_from=start, around=around)
+            found.append(self._try_out(own[-1], task, ""))
             if tracker.has_followed(course, own[-1]) or self._is_spent(tracker):
                 break
             around = _improve(around, own[-1], is_whole=False)
-        joins = find_joins(course, self._database, period) if self._database else []
-        for join in joins:
+        for join in task.joins:
             if found[-1].share >= HOPEFUL or self._is_spent(tracker):
                 break
             at = join.frame // tracker.cycles
             if at < len(own):
-                whole = follow(course, join, self._world.robot)
-                over = join.frame + round((BRIDGE + SETTLING) / period)
-                end = tracker.track(whole, own[at], balance_from=over)[-1]
-                found.append(self._try_out(end, lying, join.rise.name, rng))
+                over = join.frame + round((BRIDGE + SETTLING) / robot.control_period)
+                end = tracker.track(follow(course, join, robot), own[at], balance_from=over)[-1]
+                found.append(self._try_out(end, task, join.rise.name))
         self._simulated += tracker.simulated
         return found
 
-    def _find_way(
-        self, course: Course, balance: int, lying: Array, rng: np.random.Generator
-    ) -> Array:
+    def _find_way(self, task: _Task) -> Array:
         """Find offsets with which a robot follows a clip undisturbed, pass by pass, (W, n).
 
         Each pass samples about what the one before found until shortly before it lost the clip.
         """
-        around = np.zeros((0, self._world.robot.n))
+        course, around = task.course, np.zeros((0, self._world.robot.n))
         for world in dict.fromkeys([coarsen(self._world), self._world]):
             if self._simulated >= self._budget:
                 break
-            tracker = self._make_tracker(world, lying, 1, SAMPLES, SHORT_WINDOW, rng)
+            tracker = self._make_tracker(world, task, 1, SAMPLES, SHORT_WINDOW)
             for _ in range(PASSES):
-                end = tracker.track(course, tracker.start, balance_from=balance, around=around)[-1]
-                around = _improve(around, end, is_whole=tracker.has_followed(course, end))
-                if tracker.has_followed(course, end) or self._is_spent(tracker):
+                end = tracker.track(
+                    course, tracker.start, balance_from=task.balance_from, around=around
+                )[-1]
+                is_whole = tracker.has_followed(course, end)
+                around = _improve(around, end, is_whole=is_whole)
+                if is_whole or self._is_spent(tracker):
                     break
             self._simulated += tracker.simulated
         return around
 
     def _make_tracker(
-        self,
-        world: World,
-        lying: Array,
-        worlds: int,
-        samples: int,
-        window: float,
-        rng: np.random.Generator,
+        self, world: World, task: _Task, worlds: int, samples: int, window: float
     ) -> SampledTracker:
-        scenarios = CHECK_DISTURBANCE.sample(world, lying, worlds, rng)
+        scenarios = CHECK_DISTURBANCE.sample(world, task.lying, worlds, task.rng)
         before = self._simulated
 
-        def show(simulated: float) -> None:
-            done = before + simulated
+        def goes_on(simulated: float) -> bool:
+            done, total = before + simulated, self._budget
             phase = "following the clip [s simulated]"
-            self._monitor.show(Progress(phase=phase, done=done, total=max(self._budget, done)))
+            self._monitor.show(Progress(phase=phase, done=done, total=max(total, done)))
+            return done < total
 
         return SampledTracker(
             world,
             scenarios,
             samples=samples,
             window=window,
-            rng=rng,
+            rng=task.rng,
             threads=self._threads,
-            budget=self._budget - before,
-            show=show,
+            goes_on=goes_on,
         )
 
     def _is_spent(self, tracker: SampledTracker) -> bool:
         return self._simulated + tracker.simulated >= self._budget
 
-    def _try_out(
-        self, branches: Branches, lying: Array, joined: str, rng: np.random.Generator
-    ) -> _Found:
+    def _try_out(self, branches: Branches, task: _Task, joined: str) -> _Found:
         """Play the targets of tracked states as motions, and take the best."""
-        nominal = Scenarios.nominal(self._world, lying)
+        nominal = Scenarios.nominal(self._world, task.lying)
         outcome = self._judge.compare(nominal, list(branches.sent))
         self._simulated += outcome.record.duration
         merit = (outcome.stood + outcome.progress)[:, 0]
         best = int(np.argmax(merit))
         target, share = branches.sent[best], 0.0
         if outcome.stood[best, 0]:
-            checks = CHECK_DISTURBANCE.sample(self._world, lying, JUDGED, rng)
+            checks = CHECK_DISTURBANCE.sample(self._world, task.lying, JUDGED, task.rng)
             checked = self._judge.compare(checks, [target])
             self._simulated += checked.record.duration
             share = compute_share(checked.stood[0])
@@ -407,8 +273,8 @@ class CapturedRiseMaker:
         world, robot = self._world, self._world.robot
         lying = place(robot, world.model, start)
         rng = np.random.default_rng([seed, 1])
-        checks = CHECK_DISTURBANCE.sample(world, lying, JUDGED, rng)
-        stood = self._judge.compare(checks, [found.target]).stood[0]
+        checks = CHECK_DISTURBANCE.sample(world, lying, 1 + JUDGED, rng)
+        stood = self._judge.compare(checks, [found.target]).stood[0, 1:]
         length = len(found.target) + round(HOLD / robot.control_period)
         targets = hold_last(found.target, length)
         outcome = Outcome(

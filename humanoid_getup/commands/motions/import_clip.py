@@ -53,7 +53,7 @@ class ClipRequest(ClipOptions, RobotOption):
     finish: bool = False
     """End in the robot's stance, however the clip ends."""
     physics: bool = False
-    """Make the motion physical: the robot follows the clip in simulation, in disturbed worlds too,
+    """Search targets for a rise: the robot follows the clip in simulation, in disturbed worlds too,
     and ends in a held stand, by a stored rise of its own where the clip's end does not stand."""
     search_budget: Annotated[float, between(1.0, 1e6, "s"), arg(metavar="S")] = 20_000.0
     """Simulated time in which --physics follows and varies [s]."""
@@ -112,7 +112,7 @@ class ImportedClip:
 
     clip: RetargetedClip
     rise: CapturedRise | None
-    """What physics made of it; None where that was not asked for."""
+    """What physics made of it; None without --physics."""
 
     @property
     def motion(self) -> Motion:
@@ -153,7 +153,7 @@ def describe(imported: ImportedClip) -> dict[str, Any]:
 
 @command("mocap import", json=describe)
 def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> ImportedClip:
-    """Retarget the clip, make it physical if asked for, and write the motion to the target."""
+    """Retarget the clip, make it a rise in physics on request, and write the motion."""
     robot = load_robot(request)
     monitor.begin("reading")
     with refusing():
@@ -176,7 +176,7 @@ def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> ImportedClip:
 def _make_rise(
     clip: RetargetedClip, robot: Robot, request: ClipRequest, monitor: ProgressMonitor
 ) -> CapturedRise:
-    """Make a clip physical."""
+    """Make a rise of a clip."""
     from humanoid_getup.strategies.captured_rise import CapturedRiseMaker  # slow to import
 
     maker = CapturedRiseMaker(World(robot), budget=request.search_budget, monitor=monitor)

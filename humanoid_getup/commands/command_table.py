@@ -54,7 +54,7 @@ COMMANDS = {
     "mocap": Entry("Import clips of motion capture."),
     "mocap import": Entry("Make a motion of a robot from a clip.", "motions.import_clip"),
     "scenes": Entry("List or draw the scenes.", "plan.scenes"),
-    "style": Entry("List, show, edit or extract styles of rising."),
+    "style": Entry("List, show or extract styles of rising."),
     "style list": Entry("List the named styles.", "plan.styles"),
     "style show": Entry("Print and draw the curves of styles.", "plan.styles"),
     "style extract": Entry(

@@ -25,7 +25,14 @@ from humanoid_getup.motions.target_search import TargetSearch, coarsen
 from humanoid_getup.motions.time_alignment import measure_limb_error
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.clip_course import BRIDGE, Join, bend_hands, find_joins, follow
+from humanoid_getup.strategies.clip_course import (
+    BRIDGE,
+    Join,
+    bend_hands,
+    find_joins,
+    follow,
+    part_limbs,
+)
 from robots import Posture
 from robots.kinematics import place
 from robots.quaternion import Array
@@ -141,7 +148,7 @@ class CapturedRiseMaker:
         world = self._world
         own = clip.motion.provenance["clip"]
         known = [rise for rise in self._known if rise.provenance.get("clip") != own]
-        course = bend_hands(Course.of(clip.motion), world, known)
+        course = bend_hands(part_limbs(Course.of(clip.motion), world), world, known)
         start = find_rest(world, course[:1].end)
         lying = place(world.robot, world.model, start)
         rng = np.random.default_rng([seed, 0])

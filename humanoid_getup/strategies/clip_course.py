@@ -8,18 +8,22 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from humanoid_getup.filtering.separation import Separation
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.body.limbs import ARMS, Limbs
+from robots.body.overlap import overlaps_at
 from robots.kinematics import lowest_points, place_postures
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
 
 HAND_NEAR = 0.2, 0.15  # neck heights over the ground: hands are straight, and flat
 EASE = 0.3  # s over which a hand turns
+DEEP, CLEAR = 0.008, 0.002  # m of an arm, and of any part, inside the body; less is left as it is
+SEPARATIONS = 8  # times that limbs are moved apart, at most
 JOIN_PERIOD = 0.25  # s of the clip for each place at which a stored rise may be joined
 JOIN_FROM = 0.5  # share of the clip before it: with less, it would be no rise of the clip's
 BRIDGE = 0.4  # s from the clip to the stored rise
@@ -37,6 +41,49 @@ class Join:
     """Frame of the rise."""
     distance: float
     """Between the two, in the posture metric."""
+
+
+def part_limbs(course: Course, world: World) -> Course:
+    """Move limbs apart that reach into the body, as those of a clip of a thinner body do.
+
+    An arm that is deep inside takes the postures between the nearest ones in which it is not; what
+    is left is moved along the gradients of the distances.
+    """
+    robot, limbs, separation = world.robot, Limbs(world.robot), Separation(world)
+    joint_pos, rows = course.joint_pos.copy(), np.arange(len(course))
+    arms = [limbs.all[name] for name in ARMS if name in limbs.all]
+    depth = _measure_depths(course, world, joint_pos)
+    for arm in arms:
+        inside = depth[:, _list_bodies(world, arm.joints[0])].max(axis=1) > DEEP
+        if inside.any() and not inside.all():
+            for k in arm.joints:
+                joint_pos[:, k] = np.interp(rows, rows[~inside], joint_pos[~inside, k])
+    for _ in range(SEPARATIONS):
+        deepest = _measure_depths(course, world, joint_pos).max(axis=1)
+        if deepest.max() < CLEAR:
+            break
+        qpos = place_postures(robot, world.model, course.position, course.orientation, joint_pos)
+        _, alone = separation.shift(qpos, deepest, len(course), CLEAR)[:2]
+        joint_pos = np.clip(joint_pos + alone, robot.lower, robot.upper)
+    return replace(course, joint_pos=joint_pos, joint_target=joint_pos)
+
+
+def _measure_depths(course: Course, world: World, joint_pos: Array) -> Array:
+    """Measure how deep each body is in others of the robot [m], (T, nbody)."""
+    model, data = world.model, mujoco.MjData(world.model)
+    qpos = place_postures(world.robot, model, course.position, course.orientation, joint_pos)
+    pairs = np.array([overlaps_at(model, row, data) for row in qpos])
+    return np.maximum(pairs.max(axis=1), pairs.max(axis=2))
+
+
+def _list_bodies(world: World, joint: int) -> list[int]:
+    """List the bodies that a joint moves."""
+    model = world.model
+    moved = [int(model.joint(world.robot.joint_names[joint]).bodyid[0])]
+    for body in range(moved[0] + 1, model.nbody):
+        if int(model.body_parentid[body]) in moved:
+            moved.append(body)
+    return moved
 
 
 def bend_hands(course: Course, world: World, rises: Sequence[Motion]) -> Course:

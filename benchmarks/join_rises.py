@@ -26,7 +26,7 @@ from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.motions.build import with_entries
 from humanoid_getup.motions.course import record_motion
-from humanoid_getup.motions.motion import STANDING, Motion, hold_last
+from humanoid_getup.motions.motion import MAX_DURATION, STANDING, Motion, hold_last
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.target_search import TargetSearch, coarsen
@@ -105,6 +105,7 @@ class Joiner:
     def _combine(self) -> Iterator[tuple[str, Array]]:
         """Yield the targets of all combinations, each with a description."""
         options, period = self.options, self.robot.control_period
+        entries = options.entries or np.arange(0.0, MAX_DURATION, ENTRY_STEP)
         for name in options.then:
             rise = find_motion(self.robot, name)
             until = (rise.stand_time or rise.duration) - BEFORE_STAND
@@ -114,7 +115,7 @@ class Joiner:
                 for cut, tempo, entry, fast in itertools.product(
                     options.cuts,
                     options.tempos,
-                    options.entries or np.arange(0.0, until, ENTRY_STEP),
+                    [e for e in entries if e < until],
                     options.then_tempos,
                 ):
                     a = _play(self.first, options.begin, cut, tempo, period)

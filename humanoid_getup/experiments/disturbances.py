@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
@@ -96,6 +98,7 @@ def draw(quantity: Quantity, rng: np.random.Generator, *shape: int) -> Array:
 ROOM_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a disturbance, tried in this order
 JOINT_SHARES = np.array([1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.0])
 """Of a joint's offset, tried in this order where it puts limbs into each other."""
+GRIP = 1.2  # times the friction by which a robot just does not slide off a slope
 LEAST_SHARE = 0.05  # of a figure of which an interval is known
 MOST_DELAY = 0.04  # s, of targets or measurements
 MOST_RAISED = 0.04  # m by which a disturbance may raise or lower a robot
@@ -182,6 +185,14 @@ class Disturbance:
     """Mounting error of the IMU, a small rotation vector [rad]."""
     gyro_bias: Quantity = 0.0
     """[rad/s], a vector"""
+
+    def on_slope(self, scene: Scene) -> Disturbance:
+        """Return those of a slope: with friction by which a robot can rest on it."""
+        least = GRIP * math.tan(abs(scene.slope)) * GROUND_FRICTION / scene.surface.friction
+        drawn = self.ground_friction
+        if not isinstance(drawn, Uniform) or drawn.lower >= least:
+            return self
+        return replace(self, ground_friction=Uniform(least, max(least, drawn.upper)))
 
     def sample(
         self,

@@ -21,6 +21,7 @@ from humanoid_getup.posture_chains.resting_state import (
     PostureMove,
     RestingState,
 )
+from humanoid_getup.posture_chains.stored_states import load_ways
 from humanoid_getup.posture_chains.ways_up import Pair, WaysUp
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
@@ -41,6 +42,8 @@ ENOUGH = 3  # chains of which no motion was tried, from which longer ones are no
 SHORTER = 0.9  # of the time of one that never falls, from which another is worth it
 TURNS = ("forward", "downward", "forward", "connect", "slow", "rise")
 """Kinds of batches, in turn."""
+TURNS_TO_KNOWN = ("forward", "connect")
+"""Those where many ways up are known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,13 +70,17 @@ class ChainTools:
         moves: RandomMoves | None = None,
         goal: Goal | None = None,
     ) -> None:
-        """Find ways to a goal, by default a stand; make moves if none are given."""
+        """Find ways to a goal, by default a stand; make moves if none are given.
+
+        Where ways up are stored for a slope, they are known from the beginning.
+        """
         self.settings = settings or SearchSettings()
         self.world, self.rng = world, rng
-        self.goal = goal or Goal(world)
+        self.moves = moves or RandomMoves(world.robot, rng, world.scene.footing)
+        self.goal = goal or Goal(world, moves=self.moves)
         self.player = self._make_player()
-        self.moves = moves or RandomMoves(world.robot, rng)
-        self.ways_up = WaysUp(self.player, self.moves, rng)
+        known = load_ways(world, self.goal) if self.goal.is_stand else []
+        self.ways_up = WaysUp(self.player, self.moves, rng, known)
 
     def copy(self, rng: np.random.Generator) -> ChainTools:
         """Return tools for another search that begin with what these know."""
@@ -149,7 +156,8 @@ class ChainSearch:
 
     def advance(self) -> None:
         """Play one batch of moves."""
-        kind = TURNS[self.turn % len(TURNS)]
+        turns = TURNS_TO_KNOWN if self._tools.ways_up.are_stored else TURNS
+        kind = turns[self.turn % len(turns)]
         self.turn += 1
         count, rng = self._tools.settings.batch, self._tools.rng
         moves, scale = self._tools.moves, self._player.scale

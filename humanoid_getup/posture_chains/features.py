@@ -19,6 +19,8 @@ from robots.quaternion import Array
 
 GRAVITY_STEP = 0.4  # of a cell, along each axis of the unit vector
 NECK_STEP = 0.09  # of standing height
+UPHILL = np.array([1.0, 0.0, 0.0])
+UPHILL_STEP, UPHILL_WEIGHT = 0.8, 0.5  # of a cell, and beside the vertical, on a slope
 FLAT_STEPS = 3
 OFFSET_STEP, MOST_OFFSET = 0.3, 4  # leg lengths, and cells
 ON_GROUND = 0.004  # m that a sole on the ground may be above it
@@ -84,15 +86,17 @@ class StandMeter:
     def measure(self, qpos: Array) -> StandFeatures:
         """Measure robots at MuJoCo positions (K, nq)."""
         model, data, count = self._world.model, self._data, len(qpos)
-        soles, turned = np.zeros((count, len(self._soles), 3)), np.zeros((count, len(self._soles)))
+        soles, normal = np.zeros((2, count, len(self._soles), 3))
         center, neck = np.zeros((count, 3)), np.zeros((count, 3))
         for k, row in enumerate(qpos):
             data.qpos[:] = row
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
-            soles[k], turned[k] = data.site_xpos[self._soles], data.site_xmat[self._soles, 8]
+            soles[k], normal[k] = data.site_xpos[self._soles], data.site_xmat[self._soles][:, 2::3]
             center[k], neck[k] = data.subtree_com[self._layout.torso], data.site_xpos[self._neck]
-        support = self._world.scene.support
+        scene = self._world.scene
+        support, ground = scene.support, scene.ground.normal(soles[..., 0], soles[..., 1], 0.01)
+        turned = np.sum(normal * ground, axis=-1)
         lifted = np.maximum(soles[..., 2] - support(soles) - ON_GROUND, 0.0)
         flat = np.clip(turned, 0.0, 1.0) * np.exp(-lifted / (SOLE_REACH * self._leg))
         between = soles[..., :2].mean(axis=1)
@@ -110,6 +114,10 @@ class StandMeter:
             np.minimum(np.floor(offset / OFFSET_STEP), MOST_OFFSET),
         ]
         places = [up, height[:, None], 0.5 * flatness[:, None], 0.3 * offset[:, None]]
+        if scene.slope:  # where it matters which way a robot faces
+            uphill = _find_in_torso(qpos[:, self._layout.root_orientation], UPHILL)
+            cells.append(np.round(uphill / UPHILL_STEP))
+            places.append(UPHILL_WEIGHT * uphill)
         return StandFeatures(
             progress=0.35 * np.clip(height, 0.0, 1.0) + 0.35 * on_soles + 0.3 * upright,
             cells=np.column_stack(cells).astype(int),
@@ -196,4 +204,9 @@ def _measure_apart(soles: Array) -> Array:
 
 def _find_up(orientation: Array) -> Array:
     """Return the world's vertical in the frames of torsos, (K, 3)."""
-    return quaternion.rotate(quaternion.inverse(orientation), np.array([0.0, 0.0, 1.0]))
+    return _find_in_torso(orientation, np.array([0.0, 0.0, 1.0]))
+
+
+def _find_in_torso(orientation: Array, direction: Array) -> Array:
+    """Return a direction of the world (3,) in the frames of torsos, (K, 3)."""
+    return quaternion.rotate(quaternion.inverse(orientation), direction)

@@ -28,14 +28,20 @@ class Goal:
     is_stand = True
     """Whether squats lead to it."""
 
-    def __init__(self, world: World, meter: Meter | None = None) -> None:
-        """Prepare for a world; a search for something else on the way measures that."""
+    def __init__(
+        self, world: World, meter: Meter | None = None, moves: RandomMoves | None = None
+    ) -> None:
+        """Prepare for a world; a search for something else on the way measures that.
+
+        The stance is that of the moves, if some are given, else that of the robot.
+        """
+        standing = moves.standing if moves else world.robot.standing
         self._stand = StandMeter(world)
         self.meter: Meter = meter or self._stand
         """Measures how near robots are to it."""
-        self.qpos = place(world.robot, world.model, world.robot.standing)
+        self.qpos = place(world.robot, world.model, standing)
         """MuJoCo positions there, (nq,)."""
-        self.target = world.robot.standing.joint_pos
+        self.target = moves.stance if moves else standing.joint_pos
         """Targets that are held there [rad], (n,)."""
         self.onward: tuple[PostureMove, ...] = ()
         """Moves from there to a held stand."""

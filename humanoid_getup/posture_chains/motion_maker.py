@@ -269,6 +269,7 @@ class StartMotions:
             return []
         tools, known = self._tools.copy(rng), self._tools.player.simulated
         search = ChainSearch(tools, place(self._world.robot, self._world.model, start))
+        search.is_hard = bool(self._world.scene.slope)
         found = list[Motion]()
         while not found and known + tools.player.simulated < budget:
             search.advance()
@@ -295,13 +296,14 @@ class StartMotions:
             return None
         settings = SearchSettings(limit=self._limit, threads=self._threads)
         tools = ChainTools(self._world, np.random.default_rng(0), settings, moves)
-        tools.ways_up.add_motions(self._known, settings.batch)
+        if not self._world.scene.slope:  # on which they do not lead to its stance
+            tools.ways_up.add_motions(self._known, settings.batch)
         return tools
 
     def _make(
         self, chain: PostureChain, start_class: StartClass, rest: float, rng: np.random.Generator
     ) -> list[Motion]:
-        """Make motions of versions of a chain that stand."""
+        """Make motions of versions of a chain that stand; on a slope, of the chain as it is."""
         self._monitor.begin("shortening a chain of postures that stands")
         scenarios = MARGIN.sample(self._world, chain.start, WORLDS, rng, self._limit)
         shortener = Shortener(
@@ -310,7 +312,11 @@ class StartMotions:
         keyframes = make_keyframes(
             chain, self._world.robot, name=FOUND, start_class=start_class, rest=rest
         )
-        versions = shortener.shorten(keyframes)
+        if self._world.scene.slope:
+            keys = np.vstack([keyframes.keys[:-1], chain.moves[-1].target])
+            versions = [replace(keyframes, keys=keys)]
+        else:
+            versions = shortener.shorten(keyframes)
         self.simulated += shortener.simulated
         rows = np.unique(np.linspace(0, len(versions) - 1, MOST_VERSIONS).round().astype(int))
         some = [versions[row].stretch(self._world.robot) for row in rows[::-1]]
@@ -326,8 +332,8 @@ def _make_moves(world: World, limit: TorqueLimit) -> RandomMoves | None:
     """Make the moves of a robot; None if it has no two legs with a knee, or is too weak."""
     try:
         Limbs(world.robot)
+        moves = RandomMoves(world.robot, np.random.default_rng(0), world.scene.footing)
     except ValueError:
         return None
-    moves = RandomMoves(world.robot, np.random.default_rng(0))
     is_weak = check_lifting(world, moves, limit) is not None
     return None if is_weak else moves

@@ -285,7 +285,8 @@ class MovePlayer:
         They start from MuJoCo positions (nq,), and are the same ones for the same start.
         """
         rng = np.random.default_rng(0)
-        scenarios = USUAL.sample(self.world, start, worlds, rng, self._limit)
+        usual = USUAL.on_slope(self.world.scene)
+        scenarios = usual.sample(self.world, start, worlds, rng, self._limit)
         scenarios.parameters.torque_limit[1::2] *= self._weakest
         return scenarios
 
@@ -296,7 +297,8 @@ class MovePlayer:
     def _disturb(self, states: Sequence[RestingState], worlds: int) -> Scenarios:
         """Make disturbed scenarios from M states, K of each, (M * K,)."""
         starts = np.concatenate([state.list_arrivals(worlds) for state in states])
-        parameters = ROUGH.draw(self.world, len(starts), self._rng, self._limit)
+        rough = ROUGH.on_slope(self.world.scene)
+        parameters = rough.draw(self.world, len(starts), self._rng, self._limit)
         parameters.torque_limit.reshape(-1, worlds)[:, ::2] *= self._weakest
         noise = JOINT_NOISE.draw(self._rng, len(starts), self.world.robot.n)
         starts[:, self._layout.qpos] += noise

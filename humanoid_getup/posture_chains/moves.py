@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
-from robots import Posture, Robot
+from robots import Posture, Robot, quaternion
 from robots.body.drawn_postures import Prop, draw_crouches, draw_props
 from robots.body.limbs import LEGS, Limbs
-from robots.body.squats import list_squats
+from robots.body.squats import fit_stance, list_squats
 from robots.body.statics import Statics
 from robots.quaternion import Array
 
@@ -29,14 +29,13 @@ class BalancedPostures:
     """(K, n) [rad]"""
 
     @classmethod
-    def at(cls, robot: Robot, joint_pos: Sequence[Array]) -> Self:
+    def at(cls, robot: Robot, joint_pos: Sequence[Array], statics: Statics) -> Self:
         """Set a robot at each of K joint angles (n,) [rad] on its soles."""
-        return cls.of_props(robot, [Prop(joint_pos=angles) for angles in joint_pos])
+        return cls.of_props(robot, [Prop(joint_pos=angles) for angles in joint_pos], statics)
 
     @classmethod
-    def of_props(cls, robot: Robot, props: Sequence[Prop]) -> Self:
+    def of_props(cls, robot: Robot, props: Sequence[Prop], statics: Statics) -> Self:
         """Set a robot on its soles and hands."""
-        statics = Statics(robot)
         targets = [statics.find_targets(each.joint_pos, each.hands, each.share) for each in props]
         return cls(
             postures=tuple(statics.make_posture(each.joint_pos) for each in props),
@@ -67,9 +66,22 @@ ANYWHERE = (0.2, 0.7)  # of the way from the stance to a random posture
 class RandomMoves:
     """Draws targets to move to, of several kinds; each kind with a share of its own."""
 
-    def __init__(self, robot: Robot, rng: np.random.Generator | None) -> None:
-        """Prepare for a robot; without a generator, one that is not to come to its feet."""
+    def __init__(
+        self,
+        robot: Robot,
+        rng: np.random.Generator | None,
+        footing: Array = quaternion.IDENTITY,
+    ) -> None:
+        """Prepare for a robot; without a generator, one that is not to come to its feet.
+
+        Its soles have an orientation ``footing`` (4,) when it stands.
+
+        Raises:
+            ValueError: if its legs cannot stand so.
+        """
         self._robot = robot
+        statics = Statics(robot, footing)
+        up = statics.up
         self._speed = np.minimum(SPEED_SHARE * robot.max_velocity, MOST_SPEED)
         limbs = Limbs(robot)
         self._groups = _group(limbs)
@@ -77,16 +89,23 @@ class RandomMoves:
         self._limbs = np.array(sorted(k for limb in limbs.all.values() for k in limb.joints))
         limbs.look(robot.standing.joint_pos)
         self._bending = [np.array(limbs.leg(name).list_pitch()) for name in LEGS]
-        squats = [] if rng is None else list_squats(limbs, Statics(robot))
-        self.squats = BalancedPostures.at(robot, [squat.joint_pos for squat in squats])
+        self.standing, self.stance = robot.standing, robot.standing.joint_pos
+        """The robot in its stance, and the targets that hold it there [rad], (n,)."""
+        if up[0]:
+            fitted = fit_stance(limbs, up)
+            if fitted is None:
+                raise ValueError("the legs cannot stand on such soles")
+            self.standing, self.stance = statics.make_posture(fitted), statics.find_targets(fitted)
+        squats = [] if rng is None else list_squats(limbs, statics)
+        self.squats = BalancedPostures.at(robot, [squat.joint_pos for squat in squats], statics)
         """Balanced squats from high to deep, Q of them."""
         self.squat_necks = np.array([squat.neck_share for squat in squats])
         """Heights of their necks as shares of that of the stance, (Q,)."""
-        crouches = [] if rng is None else list(draw_crouches(limbs, CROUCHES, rng))
-        self.crouches = BalancedPostures.at(robot, crouches)
+        crouches = [] if rng is None else list(draw_crouches(limbs, CROUCHES, rng, up))
+        self.crouches = BalancedPostures.at(robot, crouches, statics)
         """Other balanced postures on flat soles."""
-        props = [] if rng is None else draw_props(limbs, PROPS, rng)
-        self.props = BalancedPostures.of_props(robot, props)
+        props = [] if rng is None else draw_props(limbs, PROPS, rng, up)
+        self.props = BalancedPostures.of_props(robot, props, statics)
         """Postures on flat soles and both hands."""
         kinds: dict[str, tuple[float, Callable[[Array, np.random.Generator], Array]]] = {
             "mirrored joints": (0.30, self._change_pairs),
@@ -118,7 +137,7 @@ class RandomMoves:
 
     def rise(self, higher: Array, duration: float) -> PostureMove:
         """Make the move to the stance through targets of higher squats (k, n), high to deep."""
-        knots = np.vstack([higher[::-1], self._robot.standing.joint_pos])
+        knots = np.vstack([higher[::-1], self.stance])
         kind = "squats" if len(higher) else "stance"
         return PostureMove(knots=knots, duration=duration, kind=kind)
 
@@ -162,7 +181,7 @@ class RandomMoves:
 
     def _fold_legs(self, target: Array, rng: np.random.Generator) -> Array:
         """Bend legs within their plane: hip, knee and ankle anywhere, all else as in the stance."""
-        bent, moved = self._robot.standing.joint_pos.copy(), target.copy()
+        bent, moved = self.stance.copy(), target.copy()
         leg = self._bending[int(rng.integers(len(self._bending)))]
         bent[leg] = self._draw_anywhere(rng)[leg]
         group = next(group for group in self._groups if leg[0] in group)
@@ -171,7 +190,7 @@ class RandomMoves:
 
     def _go_homeward(self, target: Array, rng: np.random.Generator) -> Array:
         share, moved = rng.choice(HOMEWARD), target.copy()
-        home = target + share * (self._robot.standing.joint_pos - target)
+        home = target + share * (self.stance - target)
         for group in self._groups:
             if rng.random() >= KEPT:
                 moved[group] = home[group]
@@ -206,7 +225,7 @@ class RandomMoves:
         return _draw_near(self.props.targets, target, self._limbs, rng)
 
     def _go_anywhere(self, _: Array, rng: np.random.Generator) -> Array:
-        home, drawn = self._robot.standing.joint_pos, self._draw_anywhere(rng)
+        home, drawn = self.stance, self._draw_anywhere(rng)
         if rng.random() < SYMMETRIC:
             left = np.arange(self._robot.n) <= self._robot.mirror_index
             drawn = np.where(left, drawn, self._robot.mirror_joints(drawn))

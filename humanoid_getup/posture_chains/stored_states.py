@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,7 @@ from humanoid_getup.posture_chains.goal import Goal
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
-from robots.storage.arrays import to_numbers
+from robots.storage.arrays import load_arrays, save_arrays, to_numbers
 
 STATES = ("qpos", "arrivals", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")
@@ -179,3 +181,35 @@ class StoredStates:
                 depth=int(depth[k]),
             )
         return [*states.values()]
+
+
+WAYS_FOLDER = "slopes"
+"""Of a robot's folder, with files of states from which it is known to get up on slopes."""
+
+
+def find_ways(world: World) -> Path | None:
+    """Return the file of the ways up on the slope of a world; None on level ground.
+
+    It is for the robot's original body.
+    """
+    degrees = round(math.degrees(world.scene.slope), 3)
+    if not degrees or not world.robot.body.is_original:
+        return None
+    return world.robot.folder / WAYS_FOLDER / f"{degrees:g}.npz"
+
+
+def save_ways(file: Path, ways: Iterable[RestingState], world: World) -> None:
+    """Write states with a way up."""
+    numbers = NumberedStates()
+    rows = [numbers.number(state) for state in ways]
+    file.parent.mkdir(exist_ok=True)
+    save_arrays(file, {**numbers.write(world.robot.n, 1), MEMBERS: pad([rows])})
+
+
+def load_ways(world: World, goal: Goal) -> list[RestingState]:
+    """Load the states with a way up on the slope of a world; none if none are stored."""
+    file = find_ways(world)
+    if file is None or not file.exists():
+        return []
+    arrays = load_arrays(file, (*STATES, *MOVES, MEMBERS))
+    return StoredStates(arrays, world, goal, 2).read_archives(1)[0]

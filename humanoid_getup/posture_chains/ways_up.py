@@ -49,14 +49,29 @@ Pair = tuple[RestingState, RestingState]
 class WaysUp:
     """Finds ways up from the stance downwards: a move away is kept if the move back leads back."""
 
-    def __init__(self, player: MovePlayer, moves: RandomMoves, rng: np.random.Generator) -> None:
-        """Begin with the goal, and balanced postures from which it is reached."""
+    def __init__(
+        self,
+        player: MovePlayer,
+        moves: RandomMoves,
+        rng: np.random.Generator,
+        known: Sequence[RestingState] = (),
+    ) -> None:
+        """Begin with the goal, and balanced postures from which it is reached.
+
+        Where states with a way up are ``known``, they take their place.
+        """
         self._player, self._moves = player, moves
         self.goal = player.describe(player.goal.qpos, player.goal.target)
         self.archive = Archive(downwards=True)
         self.archive.add(self.goal)
         self.paired: set[Pair] = set()
         """Pairs whose connection was tried."""
+        self.are_stored = bool(known)
+        """Whether they were known from the beginning."""
+        if known:
+            self.archive.restore(known, [0] * len(known))
+            self.goal = known[0].root
+            return
         if player.goal.is_stand:
             self._add_squats()
         self._add_balanced(rng)
@@ -101,7 +116,7 @@ class WaysUp:
                 entries.append(
                     self._player.describe(place(robot, model, posture), posture.joint_pos)
                 )
-                onward.append(_follow(motion, int(frame), robot.standing.joint_pos))
+                onward.append(_follow(motion, int(frame), self.goal.target))
         order = np.argsort([move.duration for move in onward], kind="stable")
         for first in range(0, len(order), count):
             rows = order[first : first + count]

@@ -11,7 +11,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from humanoid_getup.scenes.ground import FLAT, Ground, Surface
+from humanoid_getup.scenes.ground import FLAT, Ground, Slope, Surface
 from humanoid_getup.scenes.obstacle import Obstacle
 from robots import Posture, Robot, quaternion
 from robots.ground import GROUND
@@ -150,6 +150,21 @@ class Scene:
     def is_flat(self) -> bool:
         """Whether it is the same at every place and in every direction."""
         return self.ground.is_level and not self.obstacles and not self.starts
+
+    @cached_property
+    def slope(self) -> float:
+        """Angle by which a bare plane rises along +x [rad]; 0 in any other scene."""
+        if self.obstacles or self.starts or not isinstance(self.ground, Slope):
+            return 0.0
+        return self.ground.angle
+
+    @cached_property
+    def footing(self) -> Array:
+        """Orientation of soles that point uphill on a slope, w x y z, (4,)."""
+        if not self.slope:
+            return quaternion.IDENTITY
+        tilt = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -self.slope)
+        return quaternion.multiply(tilt, quaternion.from_yaw(0.0 if self.slope > 0.0 else math.pi))
 
     @property
     def deepest_sink(self) -> float:

@@ -12,6 +12,7 @@ from robots.body.squats import (
     CLOSE,
     MARGIN,
     ROUGH,
+    UP,
     BothLegs,
     FlatSoles,
     Foot,
@@ -30,9 +31,12 @@ CROUCH_SOLVED = 0.015  # largest residual, in leg lengths and unit vectors
 MOST_SPREAD = 0.8  # of the arms' way from the stance to a random posture
 
 
-def draw_crouches(limbs: Limbs, count: int, rng: np.random.Generator) -> Array:
-    """Draw balanced crouches that do not overlap themselves, (C, n) [rad]; arms are anywhere."""
-    sampler = _CrouchSampler(limbs)
+def draw_crouches(limbs: Limbs, count: int, rng: np.random.Generator, up: Array = UP) -> Array:
+    """Draw balanced crouches that do not overlap themselves, (C, n) [rad]; arms are anywhere.
+
+    The vertical is ``up`` in the frame of their soles.
+    """
+    sampler = _CrouchSampler(limbs, up)
     drawn = [sampler.draw(rng) for _ in range(count)]
     return np.array([each for each in drawn if each is not None]).reshape(-1, limbs.robot.n)
 
@@ -40,8 +44,9 @@ def draw_crouches(limbs: Limbs, count: int, rng: np.random.Generator) -> Array:
 class _CrouchSampler:
     """Fits legs to random crouches."""
 
-    def __init__(self, limbs: Limbs) -> None:
+    def __init__(self, limbs: Limbs, up: Array) -> None:
         self._limbs, self._robot, self._both = limbs, limbs.robot, BothLegs(limbs)
+        self._up = up
         self._usual = find_overlaps_but_arms(limbs, self._robot.standing.joint_pos)
 
     def draw(self, rng: np.random.Generator) -> Array | None:
@@ -62,6 +67,7 @@ class _CrouchSampler:
             feet=feet,
             length=both.length,
             stride=both.stride + stride * both.length,
+            up=self._up,
         )
         angles = self._fit(soles, base, rng.uniform(*CROUCH_EXTENSIONS), rng.uniform(*CROUCH_LEANS))
         if angles is None or find_overlaps_but_arms(self._limbs, angles) - self._usual:
@@ -111,11 +117,11 @@ class Prop:
     """Body of each hand, and where in its frame it touches the ground [m], (3,)."""
 
 
-def draw_props(limbs: Limbs, count: int, rng: np.random.Generator) -> list[Prop]:
+def draw_props(limbs: Limbs, count: int, rng: np.random.Generator, up: Array = UP) -> list[Prop]:
     """Draw up to a number of props that do not overlap themselves; none without two arms."""
     if any(name not in limbs.all for name in ARMS):
         return []
-    sampler = _PropSampler(limbs)
+    sampler = _PropSampler(limbs, up)
     drawn = [sampler.draw(rng) for _ in range(count)]
     return [each for each in drawn if each is not None]
 
@@ -123,8 +129,9 @@ def draw_props(limbs: Limbs, count: int, rng: np.random.Generator) -> list[Prop]
 class _PropSampler:
     """Fits arms and legs to random props."""
 
-    def __init__(self, limbs: Limbs) -> None:
+    def __init__(self, limbs: Limbs, up: Array) -> None:
         self._limbs, self._robot, self._both = limbs, limbs.robot, BothLegs(limbs)
+        self._up = up
         robot, arm, leg = limbs.robot, limbs.all[ARMS[0]], limbs.all[LEGS[0]]
         self._arm, self._legs = arm, len(leg.joints)
         own, sign = robot.mirror_index, robot.mirror_sign
@@ -141,7 +148,10 @@ class _PropSampler:
         both, home = self._both, self._robot.standing.joint_pos
         foot, wide = both.feet[0], 0.5 * rng.uniform(*WIDTHS) * both.length
         soles = FlatSoles(
-            view=self._limbs, feet=[Foot(foot.leg, foot.width + wide, foot.yaw)], length=both.length
+            view=self._limbs,
+            feet=[Foot(foot.leg, foot.width + wide, foot.yaw)],
+            length=both.length,
+            up=self._up,
         )
         reach = rng.uniform(*EXTENSIONS) * both.length
         lean, share = rng.uniform(*LEANS), MOST_SHARE * rng.random() ** 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy  # which imports its parts when they are used
@@ -15,6 +15,7 @@ from robots.body.parts import list_way_up
 from robots.body.statics import Statics
 from robots.quaternion import Array
 
+UP = np.array([0.0, 0.0, 1.0])
 CLOSE, HABIT = 5.0, 0.02
 """Weights of the feet's place, and of the angles' distance from the start."""
 EVALUATIONS, EXACT, ROUGH = 200, 1e-8, 1e-3
@@ -50,6 +51,8 @@ class FlatSoles:
     """By which the first sole is in front of the second [m]."""
     width_weight: float = 1.0
     """Of a sole's place beside the hip."""
+    up: Array = field(default_factory=lambda: UP)
+    """The vertical in the frame of the soles, forward or back of their normal, (3,)."""
 
     def measure(self, reach: float) -> tuple[Array, Array]:
         """Measure how far the posture of the view is from standing on legs of a length.
@@ -58,7 +61,7 @@ class FlatSoles:
             reach: From the hip to the ground [m].
 
         Returns:
-            Sines of the angles by which the torso leans back over each of f soles, (f,), and
+            Sines of the angles by which the torso leans back as seen by each of f soles, (f,), and
             errors of unit vectors and of places in lengths of a leg.
         """
         legs = [foot.leg for foot in self.feet]
@@ -68,12 +71,13 @@ class FlatSoles:
         for foot, own, sole in zip(self.feet, axes, soles, strict=True):
             hip = foot.leg.hip
             width = self.width_weight * (sole[1] - hip[1] - foot.width) / self.length
-            height = ((hip - sole) @ own[:, 2] - reach) / self.length
+            height = ((hip - sole) @ (own @ self.up) - reach) / self.length
             errors.append(np.array([own[1, 2], own[1, 0] - foot.yaw, width, height]))
         stride = (soles[:-1, 0] - soles[1:, 0] - self.stride) / self.length
         over = self.view.center_of_mass - soles.mean(axis=0)
-        balance = over @ axes[:, :, 0].mean(axis=0) / self.length
-        return axes[:, 0, 2], np.concatenate([*errors, stride, [balance]])
+        ahead = axes[:, :, 0] - self.up[0] / self.up[2] * axes[:, :, 2]
+        balance = over @ ahead.mean(axis=0) / self.length
+        return (axes @ self.up)[:, 0], np.concatenate([*errors, stride, [balance]])
 
 
 def fit_posture(
@@ -182,7 +186,7 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
 
     Bodies that overlap in the stance may overlap in squats.
     """
-    search = _SquatSearch(limbs)
+    search = _SquatSearch(limbs, statics.up)
     usual = find_overlaps_but_arms(limbs, limbs.robot.standing.joint_pos)
     squats: list[Squat] = []
     missed = 0
@@ -208,9 +212,15 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
     return squats
 
 
+def fit_stance(limbs: Limbs, up: Array) -> Array | None:
+    """Fit the stance to soles in whose frame the vertical is ``up``; None if legs cannot, (n,)."""
+    search = _SquatSearch(limbs, up)
+    return search.solve(search.standing)
+
+
 def find_touching(limbs: Limbs, statics: Statics, squats: Sequence[Squat]) -> list[tuple[str, str]]:
     """Find the pairs of bodies that touch each other in the first deeper squat, by name."""
-    search, model = _SquatSearch(limbs), limbs.model
+    search, model = _SquatSearch(limbs, statics.up), limbs.model
     usual = find_overlaps_but_arms(limbs, limbs.robot.standing.joint_pos)
     deepest = min(squat.neck_share for squat in squats)
     for extension in EXTENSIONS:
@@ -224,12 +234,20 @@ def find_touching(limbs: Limbs, statics: Statics, squats: Sequence[Squat]) -> li
 class _SquatSearch:
     """Bends both legs of a robot, each within its own ranges."""
 
-    def __init__(self, limbs: Limbs) -> None:
+    def __init__(self, limbs: Limbs, up: Array) -> None:
         self._both, self._home = BothLegs(limbs), limbs.robot.standing.joint_pos
         self._before = self._home
         self._soles = FlatSoles(
-            view=limbs, feet=self._both.feet, length=self._both.length, stride=self._both.stride
+            view=limbs,
+            feet=self._both.feet,
+            length=self._both.length,
+            stride=self._both.stride,
+            up=up,
         )
+        leg = self._both.legs[0]
+        reach = float((leg.hip - leg.sole_position) @ leg.sole_axes[:, 2])
+        self.standing = reach / self._both.length
+        """Length of the legs in the stance, as a share of the stretched leg."""
         bends = [self._both.bend_knees(self._home, way) for way in (1.0, -1.0)]
         self._bends = sorted(bends, key=self._measure_knee, reverse=True)
 

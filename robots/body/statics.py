@@ -21,8 +21,13 @@ STEP = 1e-4  # rad, of the difference that tells by how much a passive joint fol
 class Statics:
     """Computes torques of postures in which both soles carry the weight."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, footing: Array = quaternion.IDENTITY) -> None:
+        """Prepare for soles with an orientation in the world, such as that of a slope (4,)."""
         self._robot, self._model = robot, robot.spec().compile()
+        self._footing = footing
+        self.up = quaternion.rotate(quaternion.inverse(footing), np.array([0.0, 0.0, 1.0]))
+        """The world's vertical in the frame of the soles, (3,)."""
+        self._model.opt.gravity[:] = float(self._model.opt.gravity[2]) * self.up
         self._data = mujoco.MjData(self._model)
         self._layout = robot.layout(self._model)
         self._soles = [self._model.site(name).id for name in robot.sole_sites]
@@ -38,7 +43,7 @@ class Statics:
     @property
     def weight(self) -> float:
         """Return the weight of the robot [N]."""
-        return -float(self._model.opt.gravity[2]) * self.mass
+        return -float(self._model.opt.gravity @ self.up) * self.mass
 
     def place_on_soles(self, joint_pos: Array) -> None:
         """Pose the robot at joint angles (n,), its soles level on average."""
@@ -75,6 +80,7 @@ class Statics:
         data, model = self._data, self._model
         center = data.subtree_com[self._layout.torso]
         places = np.array([data.site_xpos[sole] for sole in self._soles])
+        center = center - (center[2] - places[0, 2]) / self.up[2] * self.up
         shares = _share_weight(places[:, 1], float(center[1]))
         torque = data.qfrc_bias - data.qfrc_passive
         held = list[tuple[int, Array, float]]()
@@ -88,7 +94,7 @@ class Statics:
         jacobian = np.zeros((3, model.nv))
         for body, point, own in held:
             mujoco.mj_jac(model, data, jacobian, None, point, body)
-            torque -= jacobian.T @ np.array([0.0, 0.0, own * self.weight])
+            torque -= jacobian.T @ (own * self.weight * self.up)
         return torque[self._layout.dof] + self._hand_on(torque[self._passive_dof])
 
     def _hand_on(self, torque: Array) -> Array:
@@ -103,25 +109,27 @@ class Statics:
         return ratio @ torque
 
     def make_posture(self, joint_pos: Array) -> Posture:
-        """Return the posture at joint angles (n,) on the ground z = 0, its soles level."""
+        """Return the posture at joint angles (n,) on the ground through 0, its soles flat on it."""
         self.place_on_soles(joint_pos)
+        own = self._data.qpos[self._layout.root_orientation]
         return Posture(
-            position=np.array([0.0, 0.0, -self._lowest_sole()]),
-            orientation=self._data.qpos[self._layout.root_orientation].copy(),
+            position=quaternion.rotate(self._footing, np.array([0.0, 0.0, -self._lowest_sole()])),
+            orientation=quaternion.multiply(self._footing, own),
             joint_pos=joint_pos,
         )
 
     def measure_lean(self, joint_pos: Array) -> float:
-        """Measure the angle between the torso's z axis and that of the soles [rad]."""
+        """Measure the angle between the torso's z axis and the vertical [rad]."""
         self.place_on_soles(joint_pos)
-        upright = self._data.xmat[self._layout.torso].reshape(3, 3)[2, 2]
+        upright = self._data.xmat[self._layout.torso].reshape(3, 3)[:, 2] @ self.up
         return float(np.arccos(np.clip(upright, -1.0, 1.0)))
 
     def measure_neck(self, joint_pos: Array) -> float:
         """Measure the height of the neck over the soles, as a share of that in the stance."""
         self.place_on_soles(joint_pos)
         neck = self._data.site_xpos[self._model.site(self._robot.neck_site).id, 2]
-        return float((neck - self._lowest_sole()) / self._robot.standing_neck_height)
+        over = (neck - self._lowest_sole()) / self.up[2]
+        return float(over / self._robot.standing_neck_height)
 
     def _lowest_sole(self) -> float:
         return float(min(self._data.site_xpos[sole, 2] for sole in self._soles))

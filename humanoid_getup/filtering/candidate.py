@@ -54,6 +54,8 @@ class Candidate:
     seen: Array | None = None
     """Positions and orientations (K, 7) of the root in an earlier rollout, from where the motion
     is joined: where the legs fit the ground."""
+    fits: bool = False
+    """Whether the motion was made on this ground, and legs are not fitted to it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,11 +143,14 @@ def compose(
     tempo: float = 1.0,
     fit: GroundFit | None = None,
     seen: Array | None = None,
+    *,
+    fits: bool = False,
 ) -> Reference:
     """Chain a path and a motion from a frame on into one reference, lying to stand.
 
     The path is played at ``tempo``, a share of its own speed; in the motion, the lead over the
-    servos' back-EMF is that of its own targets, blended in. Legs fit ground that is not level.
+    servos' back-EMF is that of its own targets, blended in. Legs are fitted to ground that is not
+    level, unless the motion ``fits`` it.
     """
     robot, period = world.robot, world.robot.control_period
     path = resample(path, tempo, period)
@@ -155,8 +160,10 @@ def compose(
     if seen is not None:
         at = _follow(*at, seen)
     ramp = np.minimum(np.arange(len(entered)) * period / RAMP, 1.0)[:, None]
-    shift = ramp * (fit or GroundFit(world)).shift(*at, entered.joint_pos)
-    whole = approach.then(replace(entered, joint_target=entered.joint_target + shift))
+    if not fits:
+        shift = ramp * (fit or GroundFit(world)).shift(*at, entered.joint_pos)
+        entered = replace(entered, joint_target=entered.joint_target + shift)
+    whole = approach.then(entered)
     com = center_of_mass(robot, world.model, whole.position, whole.orientation, whole.joint_pos)
     return Reference(target=whole.joint_target, com=com, joined=len(approach))
 

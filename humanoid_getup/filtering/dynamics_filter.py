@@ -115,8 +115,9 @@ class DynamicsFilter:
 
     def _refer(self, c: Candidate) -> Reference:
         connection = c.connection
+        motion, frame = connection.motion, connection.frame
         reference = compose(
-            self.world, c.path, connection.motion, connection.frame, c.tempo, self._fit, c.seen
+            self.world, c.path, motion, frame, c.tempo, self._fit, c.seen, fits=c.fits
         )
         return reference if c.before is None else reference.after(c.before)
 
@@ -282,6 +283,7 @@ class DynamicsFilter:
         disturbance: Disturbance = CHECK_DISTURBANCE,
     ) -> Scenarios:
         lying = place(self.world.robot, self.world.model, start)
+        disturbance = disturbance.on_slope(self.world.scene)
         return disturbance.sample(self.world, lying, count, rng, self.torque_limit)
 
     def _play_nominal(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, replace
 
@@ -90,6 +91,8 @@ NEARLY_ALL = 0.9  # share of a check on flat ground from which there are no seco
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
 TRIES_AMONG_OBSTACLES = 4  # likewise
 FINDING_BUDGETS = 20.0  # search budgets of simulated time in which a motion is looked for
+STEEP, FINDING_ON_SLOPES = math.radians(17.5), 50.0
+"""Slope from which a motion is looked for at once, as stored ones tip, and its budgets."""
 
 
 class FreeRise:
@@ -101,7 +104,7 @@ class FreeRise:
     fitted legs, in a flat scene to more entries of each motion; then the targets of the best are
     varied. What stands in fewer than `NEARLY_ALL` then is tried with less slowdown, and on new
     paths from the ends of the last rollouts; what does not stand at all, in a flat scene, along a
-    motion that is found in physics from this start.
+    motion that is found in physics from this start. On a steep slope, that is tried first.
     A rise that stands is improved by a search where the preference asks for it. If limbs are so
     interlocked that no path leaves the start, the robot is moved straight, and limbs may yield. A
     robot without room to stand crawls first: the rise has to be planned again after that.
@@ -112,6 +115,7 @@ class FreeRise:
         self._leg = leg_length(tools.world.robot)
         # Level ground may have obstacles; a flat scene has none, and is the same everywhere.
         self._is_flat, self._is_level = scene.is_flat, scene.ground.is_level
+        self._is_steep = abs(scene.slope) > STEEP
         self._second = SECOND_ON_LEVEL if self._is_level else SECOND_ON_UNEVEN
         self._finalists = FINALISTS if self._is_flat else MORE_FINALISTS
 
@@ -134,9 +138,13 @@ class FreeRise:
         plan_s = time.perf_counter() - began
         search = RiseSearch(self._tools, start, rng)
         try:
-            self._try_first(search, first, start, connections, rng)
-            self._try_second(search, first, places, rng)
-            self._try_found(search, start, rng)
+            if self._is_steep:
+                self._try_found(search, start, rng)
+            if search.found.rollout is None:
+                self._try_first(search, first, start, connections, rng)
+                self._try_second(search, first, places, rng)
+                if self._is_flat:
+                    self._try_found(search, start, rng)
             search.improve()
         except KeyboardInterrupt:
             standing = self._tools.world.robot.standing_neck_height
@@ -204,12 +212,16 @@ class FreeRise:
         return search.is_done or (settles and search.stands_in(NEARLY_ALL))
 
     def _try_found(self, search: RiseSearch, start: Posture, rng: np.random.Generator) -> None:
-        """Find a motion in physics where no stored one leads to a stand on flat ground."""
-        if not self._is_flat or search.found.rollout is not None:
+        """Find a motion in physics where no stored one leads to a stand."""
+        if search.found.rollout is not None:
             return
-        found = self._tools.finder.find(start, FINDING_BUDGETS * self._tools.budget, rng)
-        search.try_all(self._tools.approach.move_straight(start, found))
-        if found and not search.is_done:
+        budgets = FINDING_ON_SLOPES if self._is_steep else FINDING_BUDGETS
+        found = self._tools.finder.find(start, budgets * self._tools.budget, rng)
+        candidates = self._tools.approach.move_straight(start, found)
+        if self._is_steep:
+            candidates = [replace(c, fits=True, assistance=0.0) for c in candidates]
+        search.try_all(candidates)
+        if found and not (search.is_done or (self._is_steep and search.stands_in(NEARLY_ALL))):
             search.vary()
 
     def _go_on(

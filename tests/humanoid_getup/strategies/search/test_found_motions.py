@@ -12,6 +12,7 @@ from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.planner_settings import PlannerSettings
 from humanoid_getup.posture_chains.chain_search import ChainSearch
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
+from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import MotionFinder
 from humanoid_getup.strategies.free_rise import FreeRise
@@ -64,6 +65,27 @@ def test_what_cannot_rise_is_not_searched(world: World, tiny: Robot, squat: Post
     small = World(tiny)
     finder = MotionFinder(small, ONE_THREAD)
     assert finder.find(tiny.standing, 1e6, np.random.default_rng(0)) == []
+
+
+@pytest.mark.parametrize(("degrees", "asked"), [(15, 0), (30, 1)])
+def test_on_a_steep_slope_a_motion_is_looked_for_before_rollouts(
+    op3: Robot, supine: Posture, monkeypatch: pytest.MonkeyPatch, degrees: int, asked: int
+):
+    rise = PlannedRise(World(op3, load_scene(f"slope:{degrees}", op3)), settings=ONE_THREAD)
+    found = list[int]()
+
+    def find(*_: object) -> list[Connection]:
+        found.append(rise.filter.count)
+        return []
+
+    def stop(*_: object) -> None:
+        raise InterruptedError
+
+    monkeypatch.setattr(MotionFinder, "find", find)
+    monkeypatch.setattr(FreeRise, "_try_first", stop)
+    with pytest.raises(InterruptedError):
+        rise.plan(supine, np.random.default_rng(0))
+    assert found == [0] * asked
 
 
 def test_a_search_ends_with_its_budget(world, supine, monkeypatch):

@@ -88,7 +88,7 @@ class Joiner:
 
     def join(self) -> None:
         """Find the best combination, vary and judge it, and write the motion."""
-        combinations = dict(self._combine())
+        combinations = dict(self.combine())
         coarse = Experiment(coarsen(self.world), threads=self.options.threads)
         nominal = Scenarios.nominal(coarse.world, self.lying)
         quick: list[tuple[float, str]] = []
@@ -102,7 +102,7 @@ class Joiner:
         if best is not None:
             self._record(best, self._vary(combinations[best]))
 
-    def _combine(self) -> Iterator[tuple[str, Array]]:
+    def combine(self) -> Iterator[tuple[str, Array]]:
         """Yield the targets of all combinations, each with a description."""
         options, period = self.options, self.robot.control_period
         entries = options.entries or np.arange(0.0, MAX_DURATION, ENTRY_STEP)

@@ -91,8 +91,9 @@ NEARLY_ALL = 0.9  # share of a check on flat ground from which there are no seco
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
 TRIES_AMONG_OBSTACLES = 4  # likewise
 FINDING_BUDGETS = 20.0  # search budgets of simulated time in which a motion is looked for
-STEEP, FINDING_ON_SLOPES = math.radians(17.5), 50.0
-"""Slope from which a motion is looked for at once, as stored ones tip, and its budgets."""
+STEEP, FINDING_ON_SLOPES, FINDS_ON_SLOPES = math.radians(17.5), 50.0, 3
+"""Slope from which a motion is looked for at once, as stored ones tip, its budgets, and how often
+if what is found does not stand."""
 
 
 class FreeRise:
@@ -138,8 +139,9 @@ class FreeRise:
         plan_s = time.perf_counter() - began
         search = RiseSearch(self._tools, start, rng)
         try:
-            if self._is_steep:
-                self._try_found(search, start, rng)
+            for _ in range(FINDS_ON_SLOPES if self._is_steep else 0):
+                if not self._try_found(search, start, rng):
+                    break
             if search.found.rollout is None:
                 self._try_first(search, first, start, connections, rng)
                 self._try_second(search, first, places, rng)
@@ -211,10 +213,10 @@ class FreeRise:
         settles = self._is_flat and not self._tools.filter.preference.is_demanding
         return search.is_done or (settles and search.stands_in(NEARLY_ALL))
 
-    def _try_found(self, search: RiseSearch, start: Posture, rng: np.random.Generator) -> None:
-        """Find a motion in physics where no stored one leads to a stand."""
+    def _try_found(self, search: RiseSearch, start: Posture, rng: np.random.Generator) -> bool:
+        """Find a motion in physics where no stored one leads to a stand; return whether one is."""
         if search.found.rollout is not None:
-            return
+            return False
         budgets = FINDING_ON_SLOPES if self._is_steep else FINDING_BUDGETS
         found = self._tools.finder.find(start, budgets * self._tools.budget, rng)
         candidates = self._tools.approach.move_straight(start, found)
@@ -223,6 +225,7 @@ class FreeRise:
         search.try_all(candidates)
         if found and not (search.is_done or (self._is_steep and search.stands_in(NEARLY_ALL))):
             search.vary()
+        return bool(found)
 
     def _go_on(
         self, search: RiseSearch, continuation: Continuation, rng: np.random.Generator

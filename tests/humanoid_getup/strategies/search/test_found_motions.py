@@ -18,6 +18,7 @@ from humanoid_getup.strategies.approach import MotionFinder
 from humanoid_getup.strategies.free_rise import FreeRise
 from humanoid_getup.strategies.plan import Plan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.rise_search import RiseSearch
 from robots import Posture, Robot, TorqueLimit
 from robots.body.limbs import Limbs
 from robots.body.squats import list_squats
@@ -86,6 +87,28 @@ def test_on_a_steep_slope_a_motion_is_looked_for_before_rollouts(
     with pytest.raises(InterruptedError):
         rise.plan(supine, np.random.default_rng(0))
     assert found == [0] * asked
+
+
+def test_on_a_steep_slope_another_motion_is_looked_for_where_the_first_falls(
+    op3: Robot, supine: Posture, monkeypatch: pytest.MonkeyPatch
+):
+    rise = PlannedRise(World(op3, load_scene("slope:30", op3)), settings=ONE_THREAD)
+    asked = list[int]()
+
+    def find(*_: object) -> list[Connection]:
+        asked.append(1)
+        return rise.database.select(supine, 1)
+
+    def stop(*_: object) -> None:
+        raise InterruptedError
+
+    monkeypatch.setattr(MotionFinder, "find", find)
+    monkeypatch.setattr(RiseSearch, "try_all", lambda *_: None)
+    monkeypatch.setattr(RiseSearch, "vary", lambda _: None)
+    monkeypatch.setattr(FreeRise, "_try_first", stop)
+    with pytest.raises(InterruptedError):
+        rise.plan(supine, np.random.default_rng(0))
+    assert len(asked) == 3
 
 
 def test_a_search_ends_with_its_budget(world, supine, monkeypatch):

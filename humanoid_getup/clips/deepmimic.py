@@ -57,8 +57,8 @@ JOINTS: list[Joint] = [
 
 def read_deepmimic(file: Path) -> Recording:
     """Read a motion; frames of different duration are interpolated."""
-    with reading(f"clip {file}: it is not a motion of DeepMimic"):
-        motion = parse_file(file, "such JSON", _decode, MOST_BYTES)
+    with reading(f"clip {file}"):
+        motion = parse_file(file, "a motion of DeepMimic", _decode, MOST_BYTES)
         frames = np.array(motion.frames)
         lasts = np.append(frames[:-1, 0], frames[0, 0])  # that of the last frame may be 0
         wrong = np.flatnonzero((lasts < SMALL) | (lasts > LONGEST_FRAME))

@@ -215,7 +215,7 @@ class PlannerOptions(TorqueOptions):
     """Simulated time for a search [s]. A rise that falls under some disturbance is varied until it
     stands or this is spent; one that stands is improved for up to half of it. Where no stored
     motion leads to a stand on level ground, one is searched for 20 times as long, in coarser
-    physics."""
+    physics; on a steep slope at once, for up to 50 times."""
     prefer: Prefer = "time"
     """What a planned rise should be besides successful: quick, with low torque, with small jolts
     (of the neck, not of the head alone), with a margin against disturbances, or without detours."""

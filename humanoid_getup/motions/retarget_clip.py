@@ -251,7 +251,7 @@ def _choose_frames(clip: Clip, begin: float, end: float) -> Frames:
     inside = np.flatnonzero((clip.time >= begin - 1e-9) & (clip.time <= end + 1e-9))
     if len(inside) < 2:
         raise ValueError(
-            f"clip {clip.file}: {len(inside)} frames from {max(begin, 0.0):g} s on, it lasts "
+            f"clip {clip.file}: frames from {max(begin, 0.0):g} s on: {len(inside)}; it lasts "
             f"{clip.time[-1]:.2f} s, expected two frames or more (--begin, --end)"
         )
     stride = max(round(SOLVE_PERIOD / clip.period), 1)

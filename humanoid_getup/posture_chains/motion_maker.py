@@ -275,7 +275,7 @@ class StartMotions:
             search.advance()
             self._monitor.show(
                 Progress(
-                    phase="no stored motion stands: searching one in physics [s simulated]",
+                    phase="searching a motion in physics [s simulated]",
                     done=min(budget, known + tools.player.simulated),
                     total=budget,
                     note=f"{len(search.archive)} states",

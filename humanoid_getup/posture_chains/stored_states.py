@@ -15,6 +15,7 @@ from humanoid_getup.posture_chains.resting_state import PostureMove, RestingStat
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 from robots.storage.arrays import load_arrays, save_arrays, to_numbers
+from robots.storage.validation import reading
 
 STATES = ("qpos", "arrivals", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")
@@ -211,5 +212,7 @@ def load_ways(world: World, goal: Goal) -> list[RestingState]:
     file = find_ways(world)
     if file is None or not file.exists():
         return []
-    arrays = load_arrays(file, (*STATES, *MOVES, MEMBERS))
-    return StoredStates(arrays, world, goal, 2).read_archives(1)[0]
+    with reading(f"ways up {file}", advice="; without the file, a rise searches anew"):
+        arrays = load_arrays(file, (*STATES, *MOVES, MEMBERS))
+        archives = StoredStates(arrays, world, goal, 2).read_archives(1)
+    return archives[0]

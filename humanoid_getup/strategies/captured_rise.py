@@ -309,7 +309,7 @@ class CapturedRiseMaker:
             motion=motion,
             joined=found.joined,
             stood=int(stood.sum()),
-            overlap=float(np.asarray(outcome.overlap)),
+            overlap=max(float(np.asarray(outcome.overlap)), 0.0),
             limb_error=measure_limb_error(motion, clip, robot),
             simulated=self._simulated,
         )

@@ -272,10 +272,10 @@ style extract sit_and_lie_down --out mine.toml | expected 0.9 or more | --finish
 mocap import | the clip is missing, expected a .bvh, .amc, .json or .txt file, or FILE.asf
 mocap import text.csv | the clip is text.csv, expected a .bvh, .amc
 mocap import text.bvh upright.bvh | or FILE.asf FILE.amc
-mocap import text.txt | it is not a motion of DeepMimic: not such JSON
-mocap import list.json | it is not a motion of DeepMimic: not such JSON (Expected `object`
-mocap import deep.json | it is not a motion of DeepMimic: not such JSON
-mocap import binary.json | it is not a motion of DeepMimic: not UTF-8 text
+mocap import text.txt | text.txt: not a motion of DeepMimic
+mocap import list.json | list.json: not a motion of DeepMimic (Expected `object`
+mocap import deep.json | deep.json: not a motion of DeepMimic
+mocap import binary.json | binary.json: not UTF-8 text
 mocap import none.bvh | none.bvh: No such file or directory
 mocap import empty.bvh | it is not a BVH file: HIERARCHY is missing
 mocap import scaled.bvh | joint 'Hips' has 6 channels Xscale

@@ -19,7 +19,7 @@ from humanoid_getup.commands.errors import DID_IT, DID_NOT_STAND, refusing
 from humanoid_getup.commands.files import MADE, READ, find_file_problems
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.options import ClipOptions, RobotOption, Seed
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import NO_END, Motion
 from humanoid_getup.motions.retarget_clip import ClipRetargeter, RetargetedClip
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
@@ -97,7 +97,12 @@ class ClipRequest(ClipOptions, RobotOption):
             yield f"--rate is given, expected none with a {kinds[-1]} file: it says its own"
         begin, end = self.begin or 0.0, math.inf if self.end is None else self.end
         if not 0.0 <= begin < math.inf or math.isnan(end):
-            yield f"--begin is {begin:g} s, --end {end:g} s, expected times from 0 s on"
+            given = [
+                f"--{name} is {value:g} s"
+                for name, value in (("begin", self.begin), ("end", self.end))
+                if value is not None
+            ]
+            yield f"{', '.join(given)}, expected times from 0 s on"
         elif not begin < end:
             yield f"--begin is {begin:g} s, expected before --end, {end:g} s"
         if self.target.suffix != SUFFIX:
@@ -113,6 +118,8 @@ class ImportedClip:
     clip: RetargetedClip
     rise: CapturedRise | None
     """What physics made of it; None without --physics."""
+    kept_file: bool = False
+    """Whether it is no rise to keep, and a file that was there was left as it was."""
 
     @property
     def motion(self) -> Motion:
@@ -167,9 +174,11 @@ def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> ImportedClip:
             report=lambda share: monitor.begin(f"pointing the limbs: {share:.0%}"),
         )
     rise = _make_rise(found, robot, request, monitor) if request.physics else None
-    imported = ImportedClip(clip=found, rise=rise)
-    request.target.parent.mkdir(parents=True, exist_ok=True)
-    imported.motion.save(request.target)
+    keeps = rise is not None and not rise.is_sound and request.target.exists()
+    imported = ImportedClip(clip=found, rise=rise, kept_file=keeps)
+    if not keeps:
+        request.target.parent.mkdir(parents=True, exist_ok=True)
+        imported.motion.save(request.target)
     return imported
 
 
@@ -189,7 +198,8 @@ def _print(imported: ImportedClip, request: ClipRequest, console: Console) -> in
     limb, largest = found.largest_angle
     lines = [
         f"{request.clip.name}: {found.layout}",
-        f"{motion.name}: {motion.duration:.2f} s from {motion.start_class} to {motion.end_class}",
+        f"{motion.name}: {motion.duration:.2f} s from {motion.start_class}"
+        + ("" if motion.end_class == NO_END else f" to {motion.end_class}"),
         f"limbs point {math.degrees(found.mean_angle):.1f}° off the clip's on average, at most "
         f"{math.degrees(largest):.0f}° (the {limb.replace('_', ' ')})",
     ]
@@ -201,8 +211,12 @@ def _print(imported: ImportedClip, request: ClipRequest, console: Console) -> in
         lines.append(f"joints at an end of their range, share of the frames: {listed}")
     if imported.rise:
         lines.append(str(imported.rise))
+    is_sound = imported.rise is None or imported.rise.is_sound
     robot_option = "" if request.robot == "op3" else f" --robot {request.robot}"
-    lines.append(f"written to {request.target}; next: getup play {request.target}{robot_option}")
+    play = f"getup play {request.target}{robot_option}"
+    again = f"another --seed, or a longer --search-budget than {request.search_budget:g} s"
+    written = "kept what is in" if imported.kept_file else "written to"
+    lines.append(f"{written} {request.target}; next: {play if is_sound else again}")
     for line in lines:
         console.print(escape(line), soft_wrap=True)
-    return DID_IT if imported.rise is None or imported.rise.is_sound else DID_NOT_STAND
+    return DID_IT if is_sound else DID_NOT_STAND

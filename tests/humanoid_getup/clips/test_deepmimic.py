@@ -56,7 +56,7 @@ def test_a_file_that_is_none_is_refused_in_one_line(tmp_path: Path, frames, faul
     file = write(tmp_path / "a.txt", frames)
     with pytest.raises(ValueError) as caught:
         read_clip(file)
-    assert str(caught.value).startswith(f"clip {file}: it is not a motion of DeepMimic: ")
+    assert str(caught.value).startswith(f"clip {file}: ")
     assert fault in str(caught.value)
     assert "\n" not in str(caught.value)
 

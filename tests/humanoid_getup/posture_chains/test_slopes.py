@@ -75,6 +75,17 @@ def test_ways_up_a_slope_come_back_from_their_file(
     assert np.array_equal(second.onward.knots, up.knots)
 
 
+def test_a_damaged_file_of_ways_up_is_named(op3: Robot, few_moves: RandomMoves, tmp_path: Path):
+    robot = replace(op3, folder=tmp_path)
+    world = World(robot, load_scene("slope:30", robot))
+    file = find_ways(world)
+    assert file is not None
+    file.parent.mkdir()
+    file.write_bytes(b"cut")
+    with pytest.raises(ValueError, match=r"ways up .*30\.npz: .*without the file, a rise searches"):
+        load_ways(world, Goal(world, moves=few_moves))
+
+
 def test_ways_up_are_stored_for_slopes_of_the_original_body_alone(op3: Robot):
     flat, slope = (World(op3, load_scene(name, op3)) for name in ("flat", "slope:30"))
     long = load_robot("op3", Body.parse("arms=1.6"))

@@ -63,3 +63,9 @@ def test_a_clip_that_physics_brings_to_no_stand_is_told_with_how_near_it_came(
     assert figures["stood_share"] == 0.0
     assert figures["end_class"] == Motion.load(tmp_path / "clip.npz").end_class == NO_END
     assert figures["limb_error_deg"] > 0.0 <= figures["overlap_mm"]
+    assert "next: another --seed, or a longer --search-budget than 1 s" in out
+    before = (tmp_path / "clip.npz").read_bytes()
+    code, out, error = run(*wanted, "--seed", "2")
+    assert (code, error) == (DID_NOT_STAND, "")
+    assert "kept what is in clip.npz" in out
+    assert (tmp_path / "clip.npz").read_bytes() == before

@@ -86,6 +86,13 @@ class Joiner:
         self.rng = np.random.default_rng([options.seed, 0])
         self.experiment = Experiment(self.world, threads=options.threads)
 
+    @property
+    def _clips(self) -> dict[str, str]:
+        """Return the clip that a joined rise is of, so that the clip does not join it again."""
+        rises = [self.first, *(find_motion(self.robot, name) for name in self.options.then)]
+        clips = [str(rise.provenance["clip"]) for rise in rises if "clip" in rise.provenance]
+        return {"clip": clips[0]} if clips else {}
+
     def join(self) -> None:
         """Find the best combination, vary and judge it, and write the motion."""
         combinations = dict(self.combine())
@@ -175,6 +182,7 @@ class Joiner:
             strategy=self.options.strategy,
             provenance={
                 "program": "benchmarks/join_rises.py",
+                **self._clips,
                 "joined": f"{self.first.name}, {text}",
                 "seed": self.options.seed,
                 "disturbed_success": float(stood.mean()),

@@ -51,13 +51,14 @@ def main(
     """
     own = load_robot(robot)
     world = World(own, load_scene(f"slope:{slope:g}", own))
+    file = find_ways(world)
+    if file is None:
+        raise SystemExit(f"slope is {slope:g}°, expected another than 0")
     rng = np.random.default_rng(seed)
     falls = sample_falls(world, dict.fromkeys(CLASSES, each), rng)
     tools = ChainTools(world, rng, SearchSettings(threads=threads))
     searches = [ChainSearch(tools, place(own, world.model, fall.posture)) for fall in falls]
     _search(tools, searches, falls, budget)
-    file = find_ways(world)
-    assert file is not None
     save_ways(file, tools.ways_up, world)
     print(f"{len(tools.ways_up)} states with a way up are in {file}")
 

@@ -212,7 +212,7 @@ def load_ways(world: World, goal: Goal) -> list[RestingState]:
     file = find_ways(world)
     if file is None or not file.exists():
         return []
-    with reading(f"ways up {file}", advice="; without the file, a rise searches anew"):
+    with reading(f"ways up {file}", advice="; delete it to search from scratch"):
         arrays = load_arrays(file, (*STATES, *MOVES, MEMBERS))
         archives = StoredStates(arrays, world, goal, 2).read_archives(1)
     return archives[0]

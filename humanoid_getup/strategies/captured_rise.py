@@ -31,7 +31,7 @@ from humanoid_getup.strategies.clip_course import (
     bend_hands,
     find_joins,
     follow,
-    part_limbs,
+    separate_limbs,
 )
 from robots import Posture
 from robots.kinematics import place
@@ -146,9 +146,9 @@ class CapturedRiseMaker:
     def make(self, clip: RetargetedClip, seed: int) -> CapturedRise:
         """Make a rise of a retargeted clip; the same seed gives the same rise."""
         world = self._world
-        own = clip.motion.provenance["clip"]
+        own = clip.motion.provenance["clip"]  # rises that were joined to one of it name it, too
         known = [rise for rise in self._known if rise.provenance.get("clip") != own]
-        course = bend_hands(part_limbs(Course.of(clip.motion), world), world, known)
+        course = bend_hands(separate_limbs(Course.of(clip.motion), world), world, known)
         start = find_rest(world, course[:1].end)
         lying = place(world.robot, world.model, start)
         rng = np.random.default_rng([seed, 0])

@@ -43,8 +43,8 @@ class Join:
     """Between the two, in the posture metric."""
 
 
-def part_limbs(course: Course, world: World) -> Course:
-    """Move limbs apart that reach into the body, as those of a clip of a thinner body do.
+def separate_limbs(course: Course, world: World) -> Course:
+    """Separate limbs that overlap the body, as those of a clip of a thinner person do.
 
     An arm that is deep inside takes the postures between the nearest ones in which it is not; what
     is left is moved along the gradients of the distances.

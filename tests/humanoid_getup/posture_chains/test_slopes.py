@@ -82,7 +82,7 @@ def test_a_damaged_file_of_ways_up_is_named(op3: Robot, few_moves: RandomMoves, 
     assert file is not None
     file.parent.mkdir()
     file.write_bytes(b"cut")
-    with pytest.raises(ValueError, match=r"ways up .*30\.npz: .*without the file, a rise searches"):
+    with pytest.raises(ValueError, match=r"ways up .*30\.npz: .*delete it to search from scratch"):
         load_ways(world, Goal(world, moves=few_moves))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from humanoid_getup.motions.course import Course
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.clip_course import CLEAR, part_limbs
+from humanoid_getup.strategies.clip_course import CLEAR, separate_limbs
 from robots import Robot
 from robots.body.overlap import overlaps_at
 from robots.kinematics import place_postures
@@ -35,7 +35,7 @@ def test_an_arm_inside_the_body_goes_round_it_and_nothing_else_moves(world: Worl
         joint_target=joint_pos,
     )
     assert measure(course, world)[INSIDE].min() > 0.01
-    parted = part_limbs(course, world)
+    parted = separate_limbs(course, world)
     assert measure(parted, world).max() < CLEAR
     np.testing.assert_array_equal(parted.joint_target, parted.joint_pos)
     others = np.setdiff1d(np.arange(op3.n), arm)

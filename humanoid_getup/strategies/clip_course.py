@@ -22,7 +22,8 @@ from robots.smooth_step import smooth_step
 
 HAND_NEAR = 0.2, 0.15  # neck heights over the ground: hands are straight, and flat
 EASE = 0.3  # s over which a hand turns
-DEEP, CLEAR = 0.008, 0.002  # m of an arm, and of any part, inside the body; less is left as it is
+SHALLOW = 0.02  # m inside itself up to which a clip is left to the tracker, which avoids it
+DEEP, CLEAR = 0.008, 0.002  # m of an arm, and of any body, that stay inside another
 SEPARATIONS = 8  # times that limbs are moved apart, at most
 JOIN_PERIOD = 0.25  # s of the clip for each place at which a stored rise may be joined
 JOIN_FROM = 0.5  # share of the clip before it: with less, it would be no rise of the clip's
@@ -53,6 +54,8 @@ def separate_limbs(course: Course, world: World) -> Course:
     joint_pos, rows = course.joint_pos.copy(), np.arange(len(course))
     arms = [limbs.all[name] for name in ARMS if name in limbs.all]
     depth = _measure_depths(course, world, joint_pos)
+    if depth.max() < SHALLOW:
+        return course
     for arm in arms:
         inside = depth[:, _list_bodies(world, arm.joints[0])].max(axis=1) > DEEP
         if inside.any() and not inside.all():

@@ -30,6 +30,7 @@ from humanoid_getup.experiments.rollouts import Experiment
 from humanoid_getup.policy.action import next_target
 from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.policy.slope_legs import SlopeLegs
 from humanoid_getup.policy.style_follower import StyleChoice, StyleFollower
 from humanoid_getup.style.features import COUNT
 from humanoid_getup.style.followed_style import MOST_DISTANCE, weigh
@@ -180,6 +181,8 @@ class PolicyRun:
         sim, contract, choose = self.sim, self.policy.contract, self.choose_style
         self._follower = StyleFollower(sim.robot, choose, sim.n) if choose else None
         self._memory = np.zeros((sim.n, contract.memory_size or contract.action.size))
+        slope = sim.world.scene.slope
+        self._legs = SlopeLegs(sim.robot, sim.n, [slope]) if choose and slope else None
 
     def run(self, starts: Array) -> PolicyRollouts:
         """Roll out the policy from MuJoCo positions (N, nq)."""
@@ -213,16 +216,32 @@ class PolicyRun:
         if len(self.targets) == round(self.duration / self.sim.step_time):
             return None
         self.on_step(len(self.targets))
-        target = self.targets[-1] if self.targets else sensed.joint_pos
-        following = self._decide(sensed, target)
+        target = self._target if self.targets else sensed.joint_pos
+        self._target = self._decide(sensed, target)
+        sent, following = target, self._target
+        if self._legs is not None and self._follower is not None:
+            sent = self._legs.place(target)
+            shifts = self._find_shifts(self._legs, self._follower)
+            self._legs.advance(shifts, self.sim.step_time)
+            following = self._legs.place(following)
         self.targets.append(following)
-        return self.sim.make_targets(target, following, self.policy.action.hold_reach)
+        return self.sim.make_targets(sent, following, self.policy.action.hold_reach)
+
+    def _find_shifts(self, legs: SlopeLegs, follower: StyleFollower) -> Array:
+        """Compute the shifts of the legs that suit the robots on the slope [rad], (N, n)."""
+        sim, ground = self.sim, self.sim.world.scene.ground
+        qpos, layout = sim.read("qpos"), sim.robot.layout(sim.model)
+        position, orientation = qpos[:, layout.root_position], qpos[:, layout.root_orientation]
+        normal = ground.normal(position[:, 0], position[:, 1], 0.0)
+        return legs.compute(normal, orientation, follower.measured[:, 0])
 
     def _sense(self) -> Sensed:
         """Read the sensors; clear the memory of robots that restart on other style curves."""
         if self.targets:
             self.features.append(self.sim.measure_features())
         sensed = self.sim.sense(self.rng)
+        if self._legs is not None:
+            sensed = self._legs.level(sensed)
         if self._follower is not None:
             true_features = self.features[-1] if self.features else None
             again = self._follower.update(sensed, self.sim.step_time, true_features)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion, Trajectory, hold_last
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.posture_metric import best_yaw
+from humanoid_getup.simulation.ground_fit import GroundFit
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.kinematics import center_of_mass

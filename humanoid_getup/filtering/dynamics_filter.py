@@ -12,7 +12,6 @@ from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome, co
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.rollouts import LATEST_STAND, Experiment, FeedbackLaw
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout, Reference, compose
-from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.separation import MARGINS, Separation
 from humanoid_getup.filtering.tracking import FIRST_HOLD, Tracker
 from humanoid_getup.motions.motion import hold_last
@@ -20,6 +19,7 @@ from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.target_search import TargetSearch, coarsen
 from humanoid_getup.planning.planner_settings import DEFAULTS, PlannerSettings
 from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.simulation.ground_fit import GroundFit
 from humanoid_getup.simulation.world import World
 from robots import Posture
 from robots.kinematics import place

@@ -15,11 +15,12 @@ from humanoid_getup.policy.action import between, next_target
 from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
 from humanoid_getup.policy.onnx_file import OnnxNetwork
+from humanoid_getup.policy.slope_legs import SlopeLegs
 from humanoid_getup.policy.style_follower import StyleFollower
 from humanoid_getup.style.features import UNKNOWN
 from humanoid_getup.style.followed_style import FollowedStyle
 from humanoid_getup.style.style import Style, load_any_style
-from robots import Robot
+from robots import Robot, quaternion
 from robots.arguments import expect
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
@@ -65,10 +66,11 @@ class OnnxPolicy:
         torque_limit: float | None = None,
         longest: float = LONGEST,
         style: Style | None = None,
+        slope: float = 0.0,
     ) -> None:
         self.robot, self.contract, self.longest = robot, contract, longest
-        self.style = style
-        """Style to follow; ``None`` for a policy that follows none."""
+        self.style, self.slope = style, slope
+        """Style to follow, ``None`` for a policy that follows none; slope of the ground [rad]."""
         self._follower = StyleFollower(robot, lambda _, seen: style.choose(seen)) if style else None
         self.action = contract.action
         self.failure: str | None = None
@@ -76,7 +78,9 @@ class OnnxPolicy:
         self._network, self.torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
         self.torque_share = compute_torque_share(robot, self.action, limit)
-        self._sense_gravity = GravitySense(imu_in_torso(robot, robot.spec().compile()))
+        self._imu_in_torso = imu_in_torso(robot, robot.spec().compile())
+        self._sense_gravity = GravitySense(self._imu_in_torso)
+        self._legs = SlopeLegs(robot, 1, [slope]) if style and slope else None
         self._step_time = contract.control_period * contract.action.cycles
         self._begin = self._clock = 0.0
         self._start_at(robot.standing.joint_pos)
@@ -136,8 +140,11 @@ class OnnxPolicy:
             robot, contract, network, torque_limit=torque_limit, longest=longest, style=style
         )
 
-    def following(self, style: Style) -> OnnxPolicy:
-        """Return the same policy with another style to follow."""
+    def following(self, style: Style, slope: float = 0.0) -> OnnxPolicy:
+        """Return the same policy with another style to follow, on ground of a slope [rad].
+
+        The slope rises along +x of the world in which the robot's IMU measures its heading.
+        """
         if self.contract.style is None:
             raise ValueError(
                 f"the policy follows no style curves, expected no style '{style.name}' with it"
@@ -149,6 +156,7 @@ class OnnxPolicy:
             torque_limit=self.torque_limit,
             longest=self.longest,
             style=style,
+            slope=slope,
         )
 
     @property
@@ -193,7 +201,7 @@ class OnnxPolicy:
         if self.failure is not None:
             return Command.limp(self.robot.n)
         cycles, reach = self.action.cycles, self.action.hold_reach
-        target = between(self._target, self._following, self._cycle, cycles, reach)
+        target = between(*self._sent, self._cycle, cycles, reach)
         self._cycle = (self._cycle + 1) % cycles
         pwm_limit, shares = self.action.pwm_limit, self.action.gain_share
         command = Command.position(self.robot, target, self.torque_limit, pwm_limit)
@@ -226,14 +234,20 @@ class OnnxPolicy:
 
     def _start_at(self, joint_pos: Array) -> None:
         self._target = self._following = joint_pos
+        self._sent = joint_pos, joint_pos
+        """Targets of the servos at the beginning and at the end of the policy step [rad]."""
         self._memory = np.zeros(self.contract.memory_size or self.action.size)
         if self._follower is not None:
             self._follower.reset()
+        if self._legs is not None:
+            self._legs.shift[:] = 0.0
         self._cycle = 0
         self._steady = 0  # policy steps in a row in which it stands
 
     def _decide(self, state: State) -> None:
         sensed = self.sense(state)
+        if self._legs is not None:
+            sensed = replace(sensed, joint_pos=sensed.joint_pos - self._legs.shift[0])
         if self._follower and self._follower.update(sensed, self._step_time).size:
             self._memory = np.zeros_like(self._memory)
         (action,), (memory,) = self.act(self.observe(sensed)[None])
@@ -252,10 +266,24 @@ class OnnxPolicy:
             sensed.gravity,
             np.clip(action, -1.0, 1.0),
         )
+        self._sent = self._target, self._following
+        if self._legs is not None and self._follower is not None:
+            self._sent = self._shift(self._legs, self._follower, state)
         moved = float(np.abs(self._following - self._target).max())
         upright = -sensed.gravity[2] >= math.cos(MAX_TILT)
         steady = upright and moved <= STILL_TARGET * self._step_time
         self._steady = self._steady + 1 if steady else 0
+
+    def _shift(self, legs: SlopeLegs, follower: StyleFollower, state: State) -> tuple[Array, Array]:
+        """Shift the targets of a policy step on a slope, before and after it is fitted again."""
+        (before,) = legs.place(self._target)
+        torso = quaternion.multiply(state.orientation, quaternion.inverse(self._imu_in_torso))
+        normal = np.array([[-math.sin(self.slope), 0.0, math.cos(self.slope)]])
+        legs.advance(
+            legs.compute(normal, torso[np.newaxis], follower.measured[:, 0]), self._step_time
+        )
+        (after,) = legs.place(self._following)
+        return before, after
 
 
 def list_policies(robot: Robot) -> list[Path]:

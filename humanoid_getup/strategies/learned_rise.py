@@ -70,7 +70,7 @@ class LearnedRise:
     def plan(self, _start: Posture, _rng: np.random.Generator) -> Plan:
         """Plan to run the policy; with a style, a copy that records how it followed it."""
         style = self.policy.style
-        policy = self.policy.following(style) if style else self.policy
+        policy = self.policy.following(style, self.world.scene.slope) if style else self.policy
         return Plan(status=RiseStatus.LEARNED, policy=policy, policy_name=self.name)
 
 
@@ -102,7 +102,8 @@ class StyledRise:
             curves = read_curves(self.world, planned.motion)
         except ExtractionError as error:
             return Plan(status=RiseStatus.FELL, detail=str(error), planned=planned.planned)
-        policy = self._learned.policy.following(Style(name=PLANNED, curves=(curves,)))
+        style = Style(name=PLANNED, curves=(curves,))
+        policy = self._learned.policy.following(style, self.world.scene.slope)
         return replace(
             planned,
             status=RiseStatus.LEARNED,

@@ -86,7 +86,8 @@ class StyledTwin:
     def roll_out(self, request: RolloutRequest, cancel: Cancel | None = None) -> StyledRollout:
         """Let the robot rise, and follow a style, until it is known to stand or gives up."""
         monitor = ProgressMonitor(cancel=cancel)
-        policy = self._load(request.policy).following(request.style)
+        slope = self.world.scene.slope
+        policy = self._load(request.policy).following(request.style, slope)
         twin = self._settle(request.start).copy()
         monitor.check()
         supervisor, begin = supervise_policy(policy), twin.truth.qpos

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.drop import Drops, FallError
-from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.scenes.scene import StartRegion
+from humanoid_getup.simulation.ground_fit import GroundFit
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.body.parts import find_arm_joints

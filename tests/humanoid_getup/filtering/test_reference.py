@@ -13,7 +13,7 @@ from humanoid_getup.filtering.candidate import (
     resample,
     straight_path,
 )
-from humanoid_getup.filtering.ground_fit import GroundFit
+from humanoid_getup.simulation.ground_fit import GroundFit
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import load_database

@@ -9,6 +9,7 @@ from tiny_policies import save_styled_policy, state_of
 
 from humanoid_getup.policy.observation import UPRIGHT, Sensed
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.policy.slope_legs import SlopeLegs
 from humanoid_getup.policy.style_follower import StyleFollower
 from humanoid_getup.style.features import FeatureSense
 from humanoid_getup.style.style import Style, load_style
@@ -153,3 +154,31 @@ def test_each_of_many_robots_follows_as_it_would_alone(op3: Robot):
         np.testing.assert_array_equal(together.wanted[row], one.wanted[0])
         np.testing.assert_array_equal(together.mean_error[row], one.mean_error[0])
         assert together.restarts[row] == one.restarts[0]
+
+
+def test_on_a_slope_it_observes_level_ground_and_moves_the_legs_to_the_slope(
+    op3, tmp_path, monkeypatch
+):
+    """Servos that are where they were sent: only what is sent tells the slope."""
+    file = save_styled_policy(tmp_path / "p.onnx", op3)
+    slope, heading = np.radians(20.0), quaternion.from_yaw(2.5)
+    level = OnnxPolicy.load(file, op3, style=load_style("side-sit", op3))
+    sloping = level.following(level.style, slope)
+    seen, sent = {}, {}
+    for name, policy in (("level", level), ("sloping", sloping)):
+        rows, act = [], policy.act
+        monkeypatch.setattr(policy, "act", lambda o, r=rows, a=act: r.append(o[0]) or a(o))
+        state = state_of(op3, orientation=heading)
+        policy.reset(state)
+        for cycle in range(policy.action.cycles * 10):
+            command = policy.step(state)
+            state = state_of(
+                op3, (cycle + 1) * 0.008, orientation=heading, joint_pos=command.joint_pos
+            )
+        seen[name], sent[name] = np.array(rows), command.joint_pos
+    np.testing.assert_allclose(seen["sloping"], seen["level"], atol=1e-5)
+    legs = SlopeLegs(op3, 1, [slope])
+    normal = np.array([[-np.sin(slope), 0.0, np.cos(slope)]])
+    (shift,) = legs.compute(normal, heading[np.newaxis], np.ones(1))
+    np.testing.assert_allclose(sent["sloping"] - sent["level"], shift, atol=1e-6)
+    assert np.abs(shift).max() > 0.3

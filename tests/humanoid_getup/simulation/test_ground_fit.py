@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.filtering.ground_fit import GroundFit
+from humanoid_getup.simulation.ground_fit import GroundFit
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import place_postures

@@ -182,7 +182,7 @@ class PolicyRun:
         self._follower = StyleFollower(sim.robot, choose, sim.n) if choose else None
         self._memory = np.zeros((sim.n, contract.memory_size or contract.action.size))
         slope = sim.world.scene.slope
-        self._legs = SlopeLegs(sim.robot, sim.n, [slope]) if choose and slope else None
+        self._legs = SlopeLegs(sim.robot, sim.n, slope) if choose and slope else None
 
     def run(self, starts: Array) -> PolicyRollouts:
         """Roll out the policy from MuJoCo positions (N, nq)."""
@@ -221,19 +221,12 @@ class PolicyRun:
         sent, following = target, self._target
         if self._legs is not None and self._follower is not None:
             sent = self._legs.place(target)
-            shifts = self._find_shifts(self._legs, self._follower)
-            self._legs.advance(shifts, self.sim.step_time)
+            torso = self.sim.read("qpos")[:, self.sim.robot.layout(self.sim.model).root_orientation]
+            wanted = self._legs.compute(torso, self._follower.measured[:, 0])
+            self._legs.advance(wanted, self.sim.step_time)
             following = self._legs.place(following)
         self.targets.append(following)
         return self.sim.make_targets(sent, following, self.policy.action.hold_reach)
-
-    def _find_shifts(self, legs: SlopeLegs, follower: StyleFollower) -> Array:
-        """Compute the shifts of the legs that suit the robots on the slope [rad], (N, n)."""
-        sim, ground = self.sim, self.sim.world.scene.ground
-        qpos, layout = sim.read("qpos"), sim.robot.layout(sim.model)
-        position, orientation = qpos[:, layout.root_position], qpos[:, layout.root_orientation]
-        normal = ground.normal(position[:, 0], position[:, 1], 0.0)
-        return legs.compute(normal, orientation, follower.measured[:, 0])
 
     def _sense(self) -> Sensed:
         """Read the sensors; clear the memory of robots that restart on other style curves."""

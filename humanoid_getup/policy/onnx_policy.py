@@ -80,7 +80,7 @@ class OnnxPolicy:
         self.torque_share = compute_torque_share(robot, self.action, limit)
         self._imu_in_torso = imu_in_torso(robot, robot.spec().compile())
         self._sense_gravity = GravitySense(self._imu_in_torso)
-        self._legs = SlopeLegs(robot, 1, [slope]) if style and slope else None
+        self._legs = SlopeLegs(robot, 1, slope) if style and slope else None
         self._step_time = contract.control_period * contract.action.cycles
         self._begin = self._clock = 0.0
         self._start_at(robot.standing.joint_pos)
@@ -278,10 +278,8 @@ class OnnxPolicy:
         """Shift the targets of a policy step on a slope, before and after it is fitted again."""
         (before,) = legs.place(self._target)
         torso = quaternion.multiply(state.orientation, quaternion.inverse(self._imu_in_torso))
-        normal = np.array([[-math.sin(self.slope), 0.0, math.cos(self.slope)]])
-        legs.advance(
-            legs.compute(normal, torso[np.newaxis], follower.measured[:, 0]), self._step_time
-        )
+        wanted = legs.compute(torso[np.newaxis], follower.measured[:, 0])
+        legs.advance(wanted, self._step_time)
         (after,) = legs.place(self._following)
         return before, after
 

@@ -15,7 +15,6 @@ from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from robots.ground import GROUND_FRICTION
 from sim2real.environment.rewards import QUICK, Reward
-from sim2real.environment.terrain import Terrain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,16 +125,12 @@ class EnvOptions:
     """Fraction of episodes after a deviation from style curves that start where the last ended."""
     ends_early: float = 0.5
     """Fraction of episodes that end once the robot has stood for ``episodes.HELD``."""
-    terrain: Terrain | None = None
-    """``None`` for flat ground."""
+    scene: Scene = FLAT_SCENE
+    origin: tuple[float, float] = (0.0, 0.0)
+    """Position on flat ground of robots that start along motions [m]."""
     physics_step: float = PHYSICS_STEP
     """[s]"""
     threads: int = 0
     """Threads that step physics; 0 for one per processor."""
     physics: PhysicsEngine = MUJOCO
     """Engine that steps physics, and its device."""
-
-    @property
-    def scene(self) -> Scene:
-        """Return the scene on which robots rise."""
-        return self.terrain.scene if self.terrain else FLAT_SCENE

@@ -16,7 +16,6 @@ from humanoid_getup.policy.observation import (
     SAME,
     Floats,
     Mirror,
-    Sensed,
     compute_torque_share,
     list_terms,
     mirror_of_observation,
@@ -149,15 +148,10 @@ class GetUpEnv(VectorEnv):
         action, memory = self.head.act(requested, self.memory, tracker)
         measured, gravity = self.sensed.joint_pos, self.sensed.gravity
         following = next_target(self.robot, self.action, self.target, measured, gravity, action)
-        sent = self.target, following
-        if self.style is not None:
-            sent = self.style.shift_targets(self.sim, *sent)
-        self.sim.follow(*sent)
+        self.sim.follow(self.target, following)
         self.target = following
         state = self.sim.measure_privileged_state()
-        self.sensed = self._sense()
-        if self.style is not None:
-            self.sensed = self.style.level(self.sensed)
+        self.sensed = self.sim.sense(self._rng if self.options.randomization else None)
         inputs = RewardInputs(
             **vars(state),
             requested=requested / self.head.limit,
@@ -197,9 +191,6 @@ class GetUpEnv(VectorEnv):
         }
         return observation, reward.astype(FLOAT), terminated, truncated, info
 
-    def _sense(self) -> Sensed:
-        return self.sim.sense(self._rng if self.options.randomization else None)
-
     def _push(self) -> None:
         randomization = self.options.randomization
         if randomization is None or not randomization.push_speed:
@@ -235,8 +226,7 @@ class GetUpEnv(VectorEnv):
         states = rng.integers(0, max(len(self._motions), 1), count)
         qpos[along] = self._motions[states[along]]
         layout = self.robot.layout(self.sim.model)
-        if o.terrain is not None:
-            qpos[along, layout.root_qpos : layout.root_qpos + 2] += o.terrain.flat_center
+        qpos[along, layout.root_qpos : layout.root_qpos + 2] += o.origin
         if o.randomization:
             drawn = o.randomization.disturbance.draw(self.sim.world, count, rng)
             self.sim.set_parameters(ids, drawn)
@@ -246,10 +236,8 @@ class GetUpEnv(VectorEnv):
         self.target[ids] = qpos[:, layout.qpos] + self.sim.parameters.joint_offset[ids]
         self.memory[ids] = 0.0  # as on a robot that lies
         self.episodes.begin(ids, start, rng.random(count) < o.ends_early, force)
-        self.sensed = self._sense()
+        self.sensed = self.sim.sense(rng if o.randomization else None)
         if self.style is not None:
-            self.target[ids] -= self.style.place_legs(self.sim, ids, self.sensed)
-            self.sensed = self.style.level(self.sensed)
             library = self.style.library
             # A robot that stands has followed any curve to its end.
             rows = np.where(along, library.state_curve[states], -1)

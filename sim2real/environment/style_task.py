@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.policy.observation import Sensed, StyleInput, observe_style
-from humanoid_getup.policy.slope_legs import SlopeLegs
 from humanoid_getup.style.curve_tracker import CurveTracker
 from humanoid_getup.style.curves import SavedArrays, SavedState, StyleCurves
 from humanoid_getup.style.features import UNKNOWN, angle_distance
@@ -22,7 +21,6 @@ from robots.kinematics import mirror_positions, transfer_positions
 from robots.quaternion import Array
 from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.rewards import PrivilegedState, StyleReward, reward_style
-from sim2real.environment.terrain import Terrain
 from sim2real.environment.training_simulation import TrainingSim
 from sim2real.pose_prior import POLICY_SOURCE, RiseSet
 
@@ -198,11 +196,8 @@ class StyleTask(SavedArrays):
         threads: int = 0,
         *,
         height_map: bool = False,
-        terrain: Terrain | None = None,
     ) -> None:
-        self.library, self.head, self._terrain = library, head, terrain
-        slopes = [patch.slope for patch in terrain.patches] if terrain else []
-        self.legs = SlopeLegs(robot, n, slopes) if terrain else None
+        self.library, self.head = library, head
         self.input = StyleInput(memory=len(head.names), height_map=height_map)
         self.tracker = CurveTracker(robot, n, threads)
         self.row = np.zeros(n, dtype=int)
@@ -247,43 +242,7 @@ class StyleTask(SavedArrays):
         terms = observe_style(self.tracker.targets, self.tracker.features)
         if not self.input.height_map:
             return terms
-        knows = self._knows  # to a slope the legs are fitted instead
-        if self._terrain is not None:
-            knows = knows & (self._find_normals(sim, self._terrain)[:, 2] == 1.0)
-        return *terms, np.where(knows[:, np.newaxis], sim.measure_height_map(), UNKNOWN)
-
-    def level(self, sensed: Sensed) -> Sensed:
-        """Return measurements as on level ground."""
-        return self.legs.level(sensed) if self.legs else sensed
-
-    def place_legs(self, sim: TrainingSim, ids: NDArray[np.int_], sensed: Sensed) -> Array:
-        """Fit the legs of some robots, which begin, at once; return their shifts [rad], (m, n)."""
-        if self.legs is None or self._terrain is None:
-            return np.zeros((len(ids), sim.robot.n))
-        self.legs.shift[ids] = 0.0
-        self.tracker.measure(sensed.gravity, self.legs.level(sensed).joint_pos)
-        self.legs.shift[ids] = self._compute_shifts(sim, self.legs, self._terrain)[ids]
-        return self.legs.shift[ids]
-
-    def shift_targets(
-        self, sim: TrainingSim, target: Array, following: Array
-    ) -> tuple[Array, Array]:
-        """Shift the last targets and those that follow (N, n), and fit the legs in between."""
-        if self.legs is None or self._terrain is None:
-            return target, following
-        sent = self.legs.place(target)
-        self.legs.advance(self._compute_shifts(sim, self.legs, self._terrain), sim.step_time)
-        return sent, self.legs.place(following)
-
-    def _compute_shifts(self, sim: TrainingSim, legs: SlopeLegs, terrain: Terrain) -> Array:
-        orientation = sim.read("qpos")[:, sim.robot.layout(sim.model).root_orientation]
-        normal = self._find_normals(sim, terrain)
-        return legs.compute(normal, orientation, self.tracker.features[:, 0])
-
-    @staticmethod
-    def _find_normals(sim: TrainingSim, terrain: Terrain) -> Array:
-        across = sim.robot.layout(sim.model).root_qpos + 1
-        return terrain.find_normals(sim.read("qpos")[:, across])
+        return *terms, np.where(self._knows[:, np.newaxis], sim.measure_height_map(), UNKNOWN)
 
     def follow(self, sim: TrainingSim, sensed: Sensed, memory: Array) -> StyleReward:
         """Advance the curves by a policy step; compute the reward for following them."""
@@ -313,12 +272,9 @@ class StyleTask(SavedArrays):
 
     def save_state(self) -> SavedState:
         """Return the complete state, for :meth:`restore_state`."""
-        legs = {"legs": self.legs.shift.copy()} if self.legs else {}
-        return {"tracker": self.tracker.save_state(), **legs, **super().save_state()}
+        return {"tracker": self.tracker.save_state(), **super().save_state()}
 
     def restore_state(self, state: SavedState) -> None:
         """Restore a state of :meth:`save_state`."""
         self.tracker.restore_state(state["tracker"])
-        if self.legs is not None:
-            self.legs.shift = state["legs"].copy()
         super().restore_state(state)

@@ -32,8 +32,6 @@ class Patch:
     """Row in `LEVELS`."""
     region: StartRegion
     """Region in which robots fall on it."""
-    slope: float = 0.0
-    """[rad]; it rises along +x."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,34 +47,24 @@ class Terrain:
         region = self.patches[0].region
         return 0.5 * np.array([region.x[0] + region.x[1], region.y[0] + region.y[1]])
 
-    def find_normals(self, y: Array) -> Array:
-        """Find the upward normals of the slopes at places y [m], (N, 3); rough ground is level."""
-        middles = np.array([0.5 * sum(patch.region.y) for patch in self.patches])
-        nearest = np.abs(y[:, np.newaxis] - middles).argmin(axis=1)
-        angle = np.array([patch.slope for patch in self.patches])[nearest]
-        return np.stack([-np.sin(angle), np.zeros(len(y)), np.cos(angle)], axis=1)
-
 
 def build_terrain(robot: Robot, rng: np.random.Generator) -> Terrain:
     """Build the terrain for a robot: the flat patch, and a rough and a sloping one per level."""
     unit = leg_length(robot)
     cell = unit * TILE
-    flat = np.zeros((TILES + 1, TILES + 1))
-    kinds: list[tuple[str, int, float, Array]] = [("flat", 0, 0.0, flat)]
+    kinds: list[tuple[str, int, Array]] = [("flat", 0, np.zeros((TILES + 1, TILES + 1)))]
     for level, name in enumerate(LEVELS[1:], start=1):
         rough = rng.uniform(-1.0, 1.0, (TILES + 1, TILES + 1)) * ROUGHNESS[name] * unit
-        angle = math.radians(SLOPES[name])
-        rise = math.tan(angle) * cell * np.arange(TILES + 1)
+        rise = math.tan(math.radians(SLOPES[name])) * cell * np.arange(TILES + 1)
         slope = np.tile(rise - rise.mean(), (TILES + 1, 1))
-        kinds.append((f"rough:{name}", level, 0.0, rough))
-        kinds.append((f"slope:{SLOPES[name]:g}", level, angle, slope))
-    heights = np.concatenate([heights for *_, heights in kinds])  # patches along +y
+        kinds += [(f"rough:{name}", level, rough), (f"slope:{SLOPES[name]:g}", level, slope)]
+    heights = np.concatenate([heights for _, _, heights in kinds])  # patches along +y
     middle = 0.5 * (len(heights) - 1)
     half = (0.5 * TILES - MARGIN) * cell
     patches = []
-    for row, (name, level, angle, _) in enumerate(kinds):
+    for row, (name, level, _) in enumerate(kinds):
         y = (row * (TILES + 1) + 0.5 * TILES - middle) * cell
         region = StartRegion(x=(-half, half), y=(y - half, y + half), margin=0.5 * MARGIN * cell)
-        patches.append(Patch(name=name, level=level, region=region, slope=angle))
+        patches.append(Patch(name=name, level=level, region=region))
     ground = HeightField(heights=heights, cell=cell)
     return Terrain(scene=Scene(name="terrain", ground=ground), patches=tuple(patches))

@@ -159,12 +159,11 @@ class Training:
 
     def build_options(self) -> EnvOptions:
         """Build the environment's options; physics on a GPU shares that of the networks."""
-        recipe, style = self.recipe, self.recipe.style
+        recipe, style, terrain = self.recipe, self.recipe.style, self.terrain
         options = EnvOptions(
             robots=recipe.robots,
             randomization=RANDOMIZATIONS[recipe.randomization],
             rewards=REWARDS[recipe.rewards],
-            terrain=self.terrain,
             physics_step=recipe.physics_step,
             assistive_force=recipe.lift,
             threads=self.threads,
@@ -172,6 +171,9 @@ class Training:
                 recipe.physics, self.device if self.device.startswith("cuda") else ""
             ),
         )
+        if terrain is not None:
+            x, y = terrain.flat_center
+            options = replace(options, scene=terrain.scene, origin=(float(x), float(y)))
         if style is None:
             return options
         shares = {"falls": style.falls, "motions": style.motions, "restarts": style.restarts}
@@ -193,7 +195,6 @@ class Training:
                 PriorHead.load(robot, action, self.folder),
                 self.threads,
                 height_map=style.height_map,
-                terrain=self.terrain,
             )
             rises = library.state_qpos
         stands = self._make_stands(self.terrain, rises) if self.terrain else None

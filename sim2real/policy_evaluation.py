@@ -217,16 +217,15 @@ class PolicyRun:
             return None
         self.on_step(len(self.targets))
         target = self._target if self.targets else sensed.joint_pos
-        self._target = self._decide(sensed, target)
-        sent, following = target, self._target
+        sent = target, self._decide(sensed, target)
+        _, self._target = sent
         if self._legs is not None and self._follower is not None:
-            sent = self._legs.place(target)
             torso = self.sim.read("qpos")[:, self.sim.robot.layout(self.sim.model).root_orientation]
             wanted = self._legs.compute(torso, self._follower.measured[:, 0])
-            self._legs.advance(wanted, self.sim.step_time)
-            following = self._legs.place(following)
-        self.targets.append(following)
-        return self.sim.make_targets(sent, following, self.policy.action.hold_reach)
+            reach = self.policy.action.reach
+            sent = self._legs.send(*sent, wanted, reach, self.sim.step_time)
+        self.targets.append(sent[1])
+        return self.sim.make_targets(*sent, self.policy.action.hold_reach)
 
     def _sense(self) -> Sensed:
         """Read the sensors; clear the memory of robots that restart on other style curves."""

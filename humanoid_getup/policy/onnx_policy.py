@@ -276,12 +276,11 @@ class OnnxPolicy:
 
     def _shift(self, legs: SlopeLegs, follower: StyleFollower, state: State) -> tuple[Array, Array]:
         """Shift the targets of a policy step on a slope, before and after it is fitted again."""
-        (before,) = legs.place(self._target)
         torso = quaternion.multiply(state.orientation, quaternion.inverse(self._imu_in_torso))
         wanted = legs.compute(torso[np.newaxis], follower.measured[:, 0])
-        legs.advance(wanted, self._step_time)
-        (after,) = legs.place(self._following)
-        return before, after
+        steps = self._target[np.newaxis], self._following[np.newaxis]
+        before, after = legs.send(*steps, wanted, self.action.reach, self._step_time)
+        return before[0], after[0]
 
 
 def list_policies(robot: Robot) -> list[Path]:

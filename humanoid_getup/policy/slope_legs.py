@@ -64,7 +64,15 @@ class SlopeLegs:
         risen = risen * np.clip((-gravity[:, 2] - LEANING) / (UPRIGHT - LEANING), 0.0, 1.0)
         return risen[:, np.newaxis] * self._find(heading[:, np.newaxis])
 
-    def advance(self, wanted: Array, step_time: float) -> None:
-        """Bring the shifts nearer to those that are wanted, (N, n), in a policy step [s]."""
-        most = SPEED * step_time
-        self.shift = self.shift + np.clip(wanted - self.shift, -most, most)
+    def send(
+        self, target: Array, following: Array, wanted: Array, reach: Array, step_time: float
+    ) -> tuple[Array, Array]:
+        """Return the targets before and after a policy step [s] for those on level ground, (N, n).
+
+        Shifts come nearer to those that are wanted, (N, n), and no target moves further than its
+        reach [rad], (n,).
+        """
+        before, moved, most = self.place(target), following - target, SPEED * step_time
+        least, largest = np.maximum(-most, -reach - moved), np.minimum(most, reach - moved)
+        self.shift = self.shift + np.clip(wanted - self.shift, least, largest)
+        return before, self.place(following)

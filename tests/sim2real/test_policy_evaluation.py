@@ -13,11 +13,13 @@ from humanoid_getup.experiments.falls import Fall
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.policy.action import ActionSpec, build_posture_spec
 from humanoid_getup.policy.observation import StyleInput, list_terms
+from humanoid_getup.policy.slope_legs import SlopeLegs
+from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.style.style import load_any_style
-from robots import Robot
-from robots.kinematics import place
+from robots import Robot, quaternion
+from robots.kinematics import place, place_postures
 from sim2real import evaluation
 from sim2real.environment.env_options import ObservationNoise
 from sim2real.environment.training_simulation import TrainingSim
@@ -130,6 +132,36 @@ def test_a_robot_that_restarts_on_other_curves_has_no_memory(op3, world, falls):
     assert rollouts.restarts.sum() >= 2
     blank = np.array(memory[1:]) == 0.0  # (steps, 4)
     assert blank.sum(axis=0).tolist() == rollouts.restarts.tolist()
+
+
+def test_a_policy_that_asks_for_the_stance_stands_on_a_slope_that_is_known(op3, monkeypatch):
+    """In four headings; with the legs of level ground it leans by the slope, or falls."""
+    spec, style = build_posture_spec(op3), StyleInput(memory=1)
+    slope, headings = np.radians(20.0), np.radians([0.0, 90.0, 180.0, 250.0])
+    world = build_training_world(op3, load_scene("slope:20", op3), op3.choose_timestep(0.002))
+    stance, turned = op3.standing, quaternion.from_yaw(headings)
+    legs = SlopeLegs(op3, 4, slope).compute(turned, np.ones(4))
+    starts = place_postures(
+        op3,
+        world.model,
+        np.tile(stance.position + np.array([0.0, 0.0, 0.01]), (4, 1)),
+        quaternion.multiply(turned, stance.orientation),
+        stance.joint_pos + legs,
+    )
+    curves = load_any_style(op3)
+
+    def stand() -> list[bool]:
+        rollouts = PolicyRun(
+            sim=TrainingSim(world, 4, cycles=spec.cycles, threads=1),
+            policy=make_policy(op3, spec, idle(spec), style),
+            choose_style=lambda _, features: curves.choose(features),
+            duration=4.5,
+        ).run(starts)
+        return rollouts.outcome.stood.tolist()
+
+    assert stand() == [True] * 4
+    monkeypatch.setattr(SlopeLegs, "compute", lambda *_: 0.0 * legs)
+    assert stand() == [False] * 4
 
 
 def test_only_a_stand_from_the_end_of_the_given_curves_on_counts_for_the_paper():

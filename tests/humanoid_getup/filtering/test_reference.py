@@ -13,10 +13,10 @@ from humanoid_getup.filtering.candidate import (
     resample,
     straight_path,
 )
-from humanoid_getup.simulation.ground_fit import GroundFit
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.simulation.ground_fit import GroundFit
 from robots import Posture, quaternion
 from robots.kinematics import center_of_mass
 

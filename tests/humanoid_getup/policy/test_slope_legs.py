@@ -52,14 +52,17 @@ def test_a_robot_that_lies_keeps_its_legs():
     assert not UPHILL.compute(prone, np.ones(1)).any()
 
 
-def test_a_policy_measures_what_it_asked_for_where_the_ranges_allow():
+def test_a_policy_measures_what_it_asked_for_and_no_target_is_too_fast():
     legs, wanted = SlopeLegs(OP3, 1, np.radians(20.0)), compute(0.0)[np.newaxis]
-    legs.advance(wanted, 0.05)
-    assert np.abs(legs.shift).max() == pytest.approx(3.0 * 0.05)  # 3 rad/s
+    target, reach = OP3.standing.joint_pos[np.newaxis], np.full(OP3.n, 0.2)
+    before, after = legs.send(target, target, wanted, reach, 0.05)
+    assert np.abs(after - before).max() == pytest.approx(3.0 * 0.05)  # 3 rad/s
+    before, after = legs.send(target, target + 0.19 * np.sign(wanted), wanted, reach, 0.05)
+    assert np.abs(after - before).max() == pytest.approx(0.2)
     for _ in range(10):
-        legs.advance(wanted, 0.05)
+        legs.send(target, target, wanted, reach, 0.05)
     np.testing.assert_allclose(legs.shift, wanted)
-    target, still = OP3.standing.joint_pos[np.newaxis], np.zeros((1, 3))
+    still = np.zeros((1, 3))
     sensed = Sensed(gravity=still, gyro=still, joint_pos=legs.place(target), joint_vel=0.0 * target)
     np.testing.assert_allclose(legs.level(sensed).joint_pos, target, atol=1e-12)
     assert (legs.place(OP3.upper[np.newaxis]) <= OP3.upper).all()

@@ -15,12 +15,12 @@ from humanoid_getup.policy.action import between, next_target
 from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.observation import Sensed, compute_torque_share, observe
 from humanoid_getup.policy.onnx_file import OnnxNetwork
-from humanoid_getup.policy.slope_legs import SlopeLegs
+from humanoid_getup.policy.slope_legs import SlopeLegs, find_heading
 from humanoid_getup.policy.style_follower import StyleFollower
 from humanoid_getup.style.features import UNKNOWN
 from humanoid_getup.style.followed_style import FollowedStyle
 from humanoid_getup.style.style import Style, load_any_style
-from robots import Robot, quaternion
+from robots import Posture, Robot, quaternion
 from robots.arguments import expect
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
@@ -67,10 +67,12 @@ class OnnxPolicy:
         longest: float = LONGEST,
         style: Style | None = None,
         slope: float = 0.0,
+        start: Posture | None = None,
     ) -> None:
         self.robot, self.contract, self.longest = robot, contract, longest
         self.style, self.slope = style, slope
         """Style to follow, ``None`` for a policy that follows none; slope of the ground [rad]."""
+        self._start = start
         self._follower = StyleFollower(robot, lambda _, seen: style.choose(seen)) if style else None
         self.action = contract.action
         self.failure: str | None = None
@@ -140,10 +142,13 @@ class OnnxPolicy:
             robot, contract, network, torque_limit=torque_limit, longest=longest, style=style
         )
 
-    def following(self, style: Style, slope: float = 0.0) -> OnnxPolicy:
+    def following(
+        self, style: Style, slope: float = 0.0, start: Posture | None = None
+    ) -> OnnxPolicy:
         """Return the same policy with another style to follow, on ground of a slope [rad].
 
-        The slope rises along +x of the world in which the robot's IMU measures its heading.
+        The slope rises along +x of the world of the posture in which the robot starts: an IMU does
+        not measure its heading there, but how it turns from then on.
         """
         if self.contract.style is None:
             raise ValueError(
@@ -157,6 +162,7 @@ class OnnxPolicy:
             longest=self.longest,
             style=style,
             slope=slope,
+            start=start,
         )
 
     @property
@@ -241,6 +247,7 @@ class OnnxPolicy:
             self._follower.reset()
         if self._legs is not None:
             self._legs.shift[:] = 0.0
+        self._turn: Array | None = None  # from the IMU's world to that of the slope
         self._cycle = 0
         self._steady = 0  # policy steps in a row in which it stands
 
@@ -277,6 +284,10 @@ class OnnxPolicy:
     def _shift(self, legs: SlopeLegs, follower: StyleFollower, state: State) -> tuple[Array, Array]:
         """Shift the targets of a policy step on a slope, before and after it is fitted again."""
         torso = quaternion.multiply(state.orientation, quaternion.inverse(self._imu_in_torso))
+        if self._turn is None:
+            start = torso if self._start is None else self._start.orientation
+            self._turn = quaternion.from_yaw(find_heading(start) - find_heading(torso))
+        torso = quaternion.multiply(self._turn, torso)
         wanted = legs.compute(torso[np.newaxis], follower.measured[:, 0])
         steps = self._target[np.newaxis], self._following[np.newaxis]
         before, after = legs.send(*steps, wanted, self.action.reach, self._step_time)

@@ -56,13 +56,10 @@ class SlopeLegs:
 
         Neck heights are shares of standing, (N,).
         """
-        gravity = quaternion.gravity_in_body(orientation)
-        turned = quaternion.multiply(orientation, quaternion.inverse(level(gravity)))
-        ahead = quaternion.rotate(turned, AHEAD)
-        heading = np.arctan2(ahead[:, 1], ahead[:, 0])
+        upright = -quaternion.gravity_in_body(orientation)[:, 2]
         risen = np.clip((neck_height - BEGIN) / (FULL - BEGIN), 0.0, 1.0)
-        risen = risen * np.clip((-gravity[:, 2] - LEANING) / (UPRIGHT - LEANING), 0.0, 1.0)
-        return risen[:, np.newaxis] * self._find(heading[:, np.newaxis])
+        risen = risen * np.clip((upright - LEANING) / (UPRIGHT - LEANING), 0.0, 1.0)
+        return risen[:, np.newaxis] * self._find(find_heading(orientation)[:, np.newaxis])
 
     def send(
         self, target: Array, following: Array, wanted: Array, reach: Array, step_time: float
@@ -76,3 +73,11 @@ class SlopeLegs:
         least, largest = np.maximum(-most, -reach - moved), np.minimum(most, reach - moved)
         self.shift = self.shift + np.clip(wanted - self.shift, least, largest)
         return before, self.place(following)
+
+
+def find_heading(orientation: Array) -> Array:
+    """Find the heading [rad] of orientations (..., 4), by the shortest turn to upright."""
+    upright = level(quaternion.gravity_in_body(orientation))
+    turned = quaternion.multiply(orientation, quaternion.inverse(upright))
+    ahead = quaternion.rotate(turned, AHEAD)
+    return np.arctan2(ahead[..., 1], ahead[..., 0])

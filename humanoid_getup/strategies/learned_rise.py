@@ -67,10 +67,11 @@ class LearnedRise:
         self.name = name or "policy"
         """For reports."""
 
-    def plan(self, _start: Posture, _rng: np.random.Generator) -> Plan:
+    def plan(self, start: Posture, _rng: np.random.Generator) -> Plan:
         """Plan to run the policy; with a style, a copy that records how it followed it."""
         style = self.policy.style
-        policy = self.policy.following(style, self.world.scene.slope) if style else self.policy
+        slope = self.world.scene.slope
+        policy = self.policy.following(style, slope, start) if style else self.policy
         return Plan(status=RiseStatus.LEARNED, policy=policy, policy_name=self.name)
 
 
@@ -103,7 +104,7 @@ class StyledRise:
         except ExtractionError as error:
             return Plan(status=RiseStatus.FELL, detail=str(error), planned=planned.planned)
         style = Style(name=PLANNED, curves=(curves,))
-        policy = self._learned.policy.following(style, self.world.scene.slope)
+        policy = self._learned.policy.following(style, self.world.scene.slope, start)
         return replace(
             planned,
             status=RiseStatus.LEARNED,

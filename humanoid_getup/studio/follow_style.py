@@ -87,7 +87,7 @@ class StyledTwin:
         """Let the robot rise, and follow a style, until it is known to stand or gives up."""
         monitor = ProgressMonitor(cancel=cancel)
         slope = self.world.scene.slope
-        policy = self._load(request.policy).following(request.style, slope)
+        policy = self._load(request.policy).following(request.style, slope, request.start)
         twin = self._settle(request.start).copy()
         monitor.check()
         supervisor, begin = supervise_policy(policy), twin.truth.qpos

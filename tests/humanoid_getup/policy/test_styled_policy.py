@@ -1,5 +1,7 @@
 """A policy with style curves observes them, remembers, and says what it follows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -161,9 +163,10 @@ def test_on_a_slope_it_observes_level_ground_and_moves_the_legs_to_the_slope(
 ):
     """Servos that are where they were sent: only what is sent tells the slope."""
     file = save_styled_policy(tmp_path / "p.onnx", op3)
-    slope, heading = np.radians(20.0), quaternion.from_yaw(2.5)
+    slope, heading = np.radians(20.0), quaternion.from_yaw(2.5)  # that of the IMU: another by 1
+    start = replace(op3.standing, orientation=quaternion.from_yaw(1.5))
     level = OnnxPolicy.load(file, op3, style=load_style("side-sit", op3))
-    sloping = level.following(level.style, slope)
+    sloping = level.following(level.style, slope, start)
     seen, sent = {}, {}
     for name, policy in (("level", level), ("sloping", sloping)):
         rows, act = [], policy.act
@@ -177,6 +180,6 @@ def test_on_a_slope_it_observes_level_ground_and_moves_the_legs_to_the_slope(
             )
         seen[name], sent[name] = np.array(rows), command.joint_pos
     np.testing.assert_allclose(seen["sloping"], seen["level"], atol=1e-5)
-    (shift,) = SlopeLegs(op3, 1, slope).compute(heading[np.newaxis], np.ones(1))
+    (shift,) = SlopeLegs(op3, 1, slope).compute(start.orientation[np.newaxis], np.ones(1))
     np.testing.assert_allclose(sent["sloping"] - sent["level"], shift, atol=1e-6)
     assert np.abs(shift).max() > 0.3

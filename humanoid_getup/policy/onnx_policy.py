@@ -70,8 +70,8 @@ class OnnxPolicy:
         start: Posture | None = None,
     ) -> None:
         self.robot, self.contract, self.longest = robot, contract, longest
-        self.style, self.slope = style, slope
-        """Style to follow, ``None`` for a policy that follows none; slope of the ground [rad]."""
+        self.style = style
+        """Style to follow; ``None`` for a policy that follows none."""
         self._start = start
         self._follower = StyleFollower(robot, lambda _, seen: style.choose(seen)) if style else None
         self.action = contract.action

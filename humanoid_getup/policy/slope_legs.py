@@ -1,4 +1,4 @@
-"""Slope legs: legs of a policy of level ground, fitted to a slope that is known."""
+"""Legs on a slope: fits the legs of a policy for level ground to a known slope."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from humanoid_getup.scenes.ground import Slope
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.ground_fit import GroundFit
 from humanoid_getup.simulation.world import World
-from humanoid_getup.style.features import level
+from humanoid_getup.style.features import find_ahead
 from robots import Robot, quaternion
 from robots.kinematics import place_postures
 from robots.quaternion import Array
@@ -21,7 +21,6 @@ HEADINGS = np.linspace(-np.pi, np.pi, 37)  # rad
 BEGIN, FULL = 0.55, 0.8  # neck heights from which legs are shifted, and shifted as a whole
 LEANING, UPRIGHT = 0.7, 0.85  # cosines of the torso's tilt, likewise
 SPEED = 3.0  # rad/s
-AHEAD = np.array([1.0, 0.0, 0.0])
 
 
 class SlopeLegs:
@@ -76,8 +75,6 @@ class SlopeLegs:
 
 
 def find_heading(orientation: Array) -> Array:
-    """Find the heading [rad] of orientations (..., 4), by the shortest turn to upright."""
-    upright = level(quaternion.gravity_in_body(orientation))
-    turned = quaternion.multiply(orientation, quaternion.inverse(upright))
-    ahead = quaternion.rotate(turned, AHEAD)
+    """Find the heading [rad] of orientations, (..., 4)."""
+    ahead = find_ahead(orientation)
     return np.arctan2(ahead[..., 1], ahead[..., 0])

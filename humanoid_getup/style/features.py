@@ -88,6 +88,13 @@ def level(gravity: Array) -> Array:
     return quaternion.normalize(np.stack([w, 0.5 * y / w, -0.5 * x / w, np.zeros_like(w)], axis=-1))
 
 
+def find_ahead(orientation: Array) -> Array:
+    """Find where orientations (..., 4) head, by the shortest turn to upright: (..., 3)."""
+    upright = level(quaternion.gravity_in_body(orientation))
+    heading = quaternion.multiply(orientation, quaternion.inverse(upright))
+    return quaternion.rotate(heading, np.array([1.0, 0.0, 0.0]))
+
+
 GRID = 5
 """Points on each side of the height map, whose rows run forward and columns to the left."""
 PLACES = np.linspace(-1.0, 1.0, GRID)
@@ -104,9 +111,7 @@ def measure_height_map(robot: Robot, ground: Ground, position: Array, orientatio
     """
     if ground.is_level:
         return np.tile(UNKNOWN, (len(position), 1))
-    upright = level(quaternion.gravity_in_body(orientation))
-    heading = quaternion.multiply(orientation, quaternion.inverse(upright))
-    ahead = quaternion.rotate(heading, np.array([1.0, 0.0, 0.0]))[:, :2]
+    ahead = find_ahead(orientation)[:, :2]
     size = robot.standing_neck_height
     cos, sin = AROUND * size * ahead.T[..., np.newaxis]
     x = position[:, :1] + cos * FORWARD - sin * LEFT
